@@ -98,7 +98,7 @@ class BlockLightingPass(LightingPass):
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
-        """Whether fragments light by blocks."""
+        """Whether light is drawn twice."""
         return by_blocks(settings)
 
     def describe(self) -> PipelineDescription:

@@ -75,12 +75,12 @@ def rates_of(device: Device) -> list[tuple[int, int]]:
     ask = device.instance.fn.vkGetPhysicalDeviceFragmentShadingRatesKHR
     vk.check(ask(device.physical.handle, count, vk.NULL), "vkGetPhysicalDeviceFragmentShadingRatesKHR")
     blank = [vk.new("VkPhysicalDeviceFragmentShadingRateKHR") for _ in range(count[0])]
-    found = vk.array("VkPhysicalDeviceFragmentShadingRateKHR", blank)
-    vk.check(ask(device.physical.handle, count, found), "vkGetPhysicalDeviceFragmentShadingRatesKHR")
+    listed = vk.array("VkPhysicalDeviceFragmentShadingRateKHR", blank)
+    vk.check(ask(device.physical.handle, count, listed), "vkGetPhysicalDeviceFragmentShadingRatesKHR")
     return [
-        (int(one.fragmentSize.width), int(one.fragmentSize.height))
-        for one in found[0 : count[0]]
-        if one.sampleCounts & vk.VK_SAMPLE_COUNT_1_BIT
+        (int(rate.fragmentSize.width), int(rate.fragmentSize.height))
+        for rate in listed[0 : count[0]]
+        if rate.sampleCounts & vk.VK_SAMPLE_COUNT_1_BIT
     ]
 
 
