@@ -57,7 +57,7 @@ def noise(settings: Settings) -> np.ndarray:
 
 
 def dispatches() -> list[tuple[str, int, int]]:
-    """Return (name, N, constant LENGTH) of each dispatch, in the order of their results; TAPS 0 takes N from the push."""
+    """Return (name, N, LENGTH) of each dispatch, in the order of their results; LENGTH 0 takes N from the push."""
     return [
         (f"{way} {taps}", taps, taps * (way == "constant")) for taps in TAPS for way in ("pushed", "constant")
     ]
