@@ -109,7 +109,9 @@ class Disassembly:
                         float(words[1]) if value is None else value,
                     )
                 )
-        return sorted(set(found))
+        # A side of a work group may have the id of a constant with a name; it has none itself.
+        named = {id_ for id_, name, _ in found if name}
+        return sorted({one for one in found if one[1] or one[0] not in named})
 
     def resources(self) -> list[tuple[Any, ...]]:
         """Return (set, binding, kind, count, name, members) of each descriptor, in order of declaration."""

@@ -1,7 +1,7 @@
 """Study: one kernel whose loop has N steps, with N as a constant of the pipeline and as a number that is pushed.
 
 Each element is the mean of N neighbours of a row of noise, weighted by a parabola. [`sum.comp`](sum.comp) declares N as
-the specialization constant TAPS. Its default 0 stands for the pushed number. So one compiled module gives a pipeline
+the specialization constant LENGTH. Its default 0 stands for the pushed number. So one compiled module gives a pipeline
 for each N, and one more for all of them. Where N is a constant, the driver may unroll the loop and compute the weights
 itself; it takes longer to compile the pipeline. Both ways add the same numbers in the same order: they differ by
 rounding alone.
@@ -57,7 +57,7 @@ def noise(settings: Settings) -> np.ndarray:
 
 
 def dispatches() -> list[tuple[str, int, int]]:
-    """Return (name, N, constant TAPS) of each dispatch, in the order of their results; TAPS 0 takes N from the push."""
+    """Return (name, N, LENGTH) of each dispatch, in the order of their results; LENGTH 0 takes N from the push."""
     return [
         (f"{way} {taps}", taps, taps * (way == "constant")) for taps in TAPS for way in ("pushed", "constant")
     ]

@@ -27,7 +27,7 @@ class Renderer(Stage):
         self._noise = self.filled(noise(self.settings), "noise")
         self.means = self.empty(4 * self.settings.elements * 2 * len(TAPS), "means")
         kernels = [
-            ComputeDescription(KERNEL, specialization=(("TAPS", taps),)) for _, _, taps in dispatches()
+            ComputeDescription(KERNEL, specialization=(("LENGTH", taps),)) for _, _, taps in dispatches()
         ]
         *self.kernels, self._show = self.pipelines.get(
             [*kernels, PipelineDescription(SHADERS, depth=None, name="show")]

@@ -1,10 +1,10 @@
-// Study constant-loop: the mean of TAPS neighbours of each element, weighted by a parabola that is 0 at both ends.
+// Study constant-loop: the mean of LENGTH neighbours of each element, weighted by a parabola that is 0 at both ends.
 //
-// With a constant TAPS each weight of an unrolled loop is a number that the compiler finds.
+// With a constant LENGTH each weight of an unrolled loop is a number that the compiler finds.
 
 layout(local_size_x = 64) in;
 
-layout(constant_id = 0) const uint TAPS = 0u;  // 0: as many as are pushed
+layout(constant_id = 0) const uint LENGTH = 0u;  // 0: as many as are pushed
 
 struct Push {
     uvec4 numbers;  // x: elements, y: the first place of the results, z: taps
@@ -15,7 +15,7 @@ layout(BIND(0, 0, 0), std430) readonly buffer Noise_ { float noise[]; };
 layout(BIND(0, 1, 1), std430) writeonly buffer Means_ { float means[]; };
 
 void main() {
-    uint i = gl_GlobalInvocationID.x, taps = TAPS > 0u ? TAPS : push.numbers.z;
+    uint i = gl_GlobalInvocationID.x, taps = LENGTH > 0u ? LENGTH : push.numbers.z;
     if (i >= push.numbers.x) {
         return;
     }

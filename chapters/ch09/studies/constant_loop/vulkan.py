@@ -30,7 +30,7 @@ class Renderer(Stage):
         row = self.filled(noise(self.settings), ["storage"], "noise")
         self.means = self.empty(4 * self.settings.elements * 2 * len(TAPS), ["storage"], "means")
         kernels = [
-            ComputeDescription(KERNEL, specialization=(("TAPS", taps),)) for _, _, taps in dispatches()
+            ComputeDescription(KERNEL, specialization=(("LENGTH", taps),)) for _, _, taps in dispatches()
         ]
         shown = PipelineDescription(SHADERS, color="rgba8", depth=None, name="show")
         *self.kernels, self._show = self.pipelines.get([*kernels, shown])
