@@ -332,9 +332,8 @@ def test_all_kinds_of_memory_give_the_same_picture(chapter, graph):
         ) as renderer:
             picture, _ = settled(renderer, ASIDE)
             work = renderer.render(ASIDE).work
-            steps = {
-                step.name for step in renderer.graph.steps
-            }  # nothing is blended, and full memory asks for nothing
+            steps = {step.name for step in renderer.graph.steps}
+            # Nothing is blended, and full memory asks for nothing.
             asks = {"shadow_need"} if memory == "pages" else set()
             assert steps & {"shadow_need", "shadow_need_boxes"} == asks
             pictures.append(picture)

@@ -7,8 +7,10 @@ import pytest
 
 from chapters.ch08.page_table import lamps, rule
 from chapters.ch08.scene.packing import LIGHT, LIGHT_KINDS
-from chapters.ch08.shadows import cascades, faces
+from chapters.ch08.settings import Settings
+from chapters.ch08.shadows import cascades, faces, model
 from common.numerics.transforms import pose_looking_at
+from common.settings import replaced
 from common.view.camera import Orthographic, Perspective, View
 from tests.support.shadows import point, spot, sun, yard
 
@@ -247,3 +249,32 @@ def test_lights_out_of_sight_do_not_matter():
 def test_lights_of_a_yard_are_what_they_say():
     scene = yard(sun((0, -1, 0)), spot((0, 3, 0), (0, 0, 0)), point((1, 2, 1)))
     assert [light.kind for light in scene.lights] == ["directional", "spot", "point"]
+
+
+@pytest.mark.feature("shadows/depth-bias", "shadows/cull-toggles")
+def test_sliders_toggles_and_more_lights_change_data_and_no_define():
+    """Else each step of a slider, and each scene, would compile all that lights and all kernels of shadows again."""
+
+    def built(settings, *lights):
+        scene = yard(*lights)
+        held = model.places(scene, settings)
+        words = model.filter_words(settings).tolist(), model.place_words(settings, held).tolist()
+        return model.shadow_defines(scene, settings, held), words
+
+    lamps_ = point((0.0, 3.0, 0.0)), spot((1.0, 3.0, 0.0), (0.0, 0.0, 0.0))
+    plain = replaced(Settings(), shadow_filter="pcss")
+    defines, words = built(plain, *lamps_)
+    for knobs in (
+        {"shadow_constant": 2.5},
+        {"shadow_slope": 0.25},
+        {"shadow_lamp": 0.1},
+        {"shadow_sun_angle": 3.0},
+        {"shadow_cull_faces": False},
+        {"shadow_size": 1024},
+    ):
+        others, changed = built(replaced(plain, **knobs), *lamps_)
+        assert others == defines and changed != words, knobs
+    more = [point((float(x), 3.0, float(z))) for x in range(3) for z in range(3)]
+    others, changed = built(plain, sun((0.3, -1.0, 0.2)), *more)
+    assert others == defines and changed != words
+    assert built(replaced(plain, shadow_bias="slope"), *lamps_)[0] != defines
