@@ -107,7 +107,7 @@ def test_auto_is_the_device_where_it_can_and_compute_elsewhere():
         auto = replaced(SOBEL, **knobs)
         assert native.without_effect(auto, plan, limits) == ""
         settings = native.settled(auto, plan, limits)
-        assert (graph_name(settings), settings.rates.policy) == (
+        assert (graph_name(settings), settings.rates.rate_policy) == (
             "deferred" if native_light else "compute",
             "sobel",
         )

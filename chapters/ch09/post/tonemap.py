@@ -21,7 +21,7 @@ class TonemapPass(FullscreenPass):
 
     def __init__(self, parts: PassParts) -> None:
         super().__init__(parts)
-        self._tint = rates.read(parts.settings) if parts.settings.rates.tint else ()
+        self._tint = rates.read(parts.settings) if parts.settings.rates.rate_tint else ()
         self._texel = mask_of(parts.settings, parts.limits).texel
         self.reads = (Access("color_hdr", "sampled"), *self._tint)
 

@@ -42,14 +42,14 @@ def decode(code: int) -> tuple[int, int]:
 
 def coarse_code(settings: Any) -> int:
     """Return the code of the blocks that share their light."""
-    width, height = map(int, settings.rates.coarse.split("x"))
+    width, height = map(int, settings.rates.rate_coarse.split("x"))
     return encode(width, height)
 
 
 def wanted(settings: Any) -> bool:
     """Whether the settings ask for a mask, and the picture is one that a G-buffer can hold."""
     shading = settings.shading
-    return bool(settings.rates.policy != "none" and shading.view == "picture" and shading.msaa == 1)
+    return bool(settings.rates.rate_policy != "none" and shading.view == "picture" and shading.msaa == 1)
 
 
 def mask_defines(settings: Any, texel: int = TEXEL) -> Defines:
@@ -59,8 +59,8 @@ def mask_defines(settings: Any, texel: int = TEXEL) -> Defines:
         ("RATE_TEXEL", texel),
         ("COARSE", f"{coarse_code(settings)}u"),
         *(
-            (("RADIUS", rates.radius),)
-            if rates.policy == "radial"
-            else (("THRESHOLD", rates.threshold), ("SURFACE", rates.surface))
+            (("RADIUS", rates.rate_radius),)
+            if rates.rate_policy == "radial"
+            else (("THRESHOLD", rates.rate_threshold), ("SURFACE", rates.rate_surface))
         ),
     )

@@ -54,7 +54,7 @@ def texel_of(limits: Mapping[str, int]) -> int:
 
 def mask_of(settings: Any, limits: Mapping[str, int]) -> Mask:
     """Return the mask of frames, if they have one; `settings` are `settled`."""
-    by_device = model.wanted(settings) and settings.rates.fragments == "device"
+    by_device = model.wanted(settings) and settings.rates.rate_fragments == "device"
     drawn = by_device and COMPUTED not in _passes(settings)
     return Mask("r8ui" if drawn else "r32ui", texel_of(limits) if drawn else model.TEXEL, drawn)
 
@@ -73,7 +73,7 @@ def settled(settings: S, plan: Plan, limits: Mapping[str, int]) -> S:
         return replaced(settings, rate_policy="none")
     if not model.wanted(settings):
         return settings
-    graph, fragments = settings.graph.name, settings.rates.fragments  # type: ignore[attr-defined]
+    graph, fragments = settings.graph.name, settings.rates.rate_fragments  # type: ignore[attr-defined]
     drawn = fragments != "passes" and not _why_not(settings, plan, limits)
     if graph == "auto":
         graph = "deferred" if drawn else "compute"
@@ -83,12 +83,12 @@ def settled(settings: S, plan: Plan, limits: Mapping[str, int]) -> S:
 def without_effect(settings: Any, plan: Plan, limits: Mapping[str, int]) -> str:
     """Return the sentence about a policy that has no effect, with the reason; "" if it has one, or there is none."""
     why = _without(settings, plan, limits)
-    return f"rate_policy={settings.rates.policy} has no effect with {why}." if why else ""
+    return f"rate_policy={settings.rates.rate_policy} has no effect with {why}." if why else ""
 
 
 def _without(settings: Any, plan: Plan, limits: Mapping[str, int]) -> str:
     shading, overlay = settings.shading, settings.culling.overlay
-    if settings.rates.policy == "none":
+    if settings.rates.rate_policy == "none":
         return ""
     if shading.msaa > 1:
         return f"msaa={shading.msaa}, since a G-buffer holds one sample a pixel"
@@ -101,7 +101,7 @@ def _without(settings: Any, plan: Plan, limits: Mapping[str, int]) -> str:
     passes, chosen = _passes(settings), f"graph={settings.graph.name}"
     if model.MASK not in passes or not {DRAWN, COMPUTED} & passes:
         return f"{chosen}, which has no passes '{model.MASK}' and '{COMPUTED}', and graph=compute has both"
-    twice = SPREAD in passes and settings.rates.fragments != "device"
+    twice = SPREAD in passes and settings.rates.rate_fragments != "device"
     why = "" if COMPUTED in passes or twice else _why_not(settings, plan, limits)
     if why and SPREAD in passes:
         return f"rate_fragments=device, since {why}, and rate_fragments=passes needs none"
@@ -116,7 +116,7 @@ def _why_not(settings: Any, plan: Plan, limits: Mapping[str, int]) -> str:
     if not texel_of(limits):
         return "the texels of the device's shading rates have another size than a work group can have"
     if not limits.get("shadingRates", 0) >> model.coarse_code(settings) & 1:
-        return f"the device draws no fragments of {settings.rates.coarse} pixels"
+        return f"the device draws no fragments of {settings.rates.rate_coarse} pixels"
     return ""
 
 

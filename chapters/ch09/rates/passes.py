@@ -32,7 +32,7 @@ def in_use(settings: Settings) -> bool:
 def by_blocks(settings: Settings) -> bool:
     """Whether fragments are lit in two passes, since the device has no shading rates of its own."""
     passes = read_graph(graph_path(graph_name(settings))).passes.values()
-    return in_use(settings) and settings.rates.fragments != "device" and "rate_spread" in passes
+    return in_use(settings) and settings.rates.rate_fragments != "device" and "rate_spread" in passes
 
 
 def read(settings: Settings) -> tuple[Access, ...]:
@@ -61,7 +61,7 @@ class RateMaskPass(RatePass):
 
     def __init__(self, parts: PassParts) -> None:
         super().__init__(parts)
-        if parts.settings.rates.policy == "sobel":
+        if parts.settings.rates.rate_policy == "sobel":
             before = Access(model.EDGES, "sampled", format="r32ui", previous=True)
             self.reads = (*sampled(parts.settings), Access("depth", "sampled"), before)
         self.writes = (Access(model.RATES, "storage", format=self._mask.format, texel=self._mask.texels),)
@@ -93,7 +93,7 @@ class RateEdgesPass(RatePass):
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
         """Whether the mask follows edges."""
-        return settings.rates.policy == "sobel" and in_use(settings)
+        return settings.rates.rate_policy == "sobel" and in_use(settings)
 
     def create(self) -> None:
         """Build the pipeline."""
