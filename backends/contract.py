@@ -268,8 +268,9 @@ class Access:
 
     `format` is a short name such as 'rgba16f'; None leaves it to the renderer. `scale` is relative to the output;
     `size` is absolute and replaces it. An image with a value for each `texel` of pixels covers the output: its size is
-    divided by that, and rounded up. `clear` is the value that an attachment is cleared to. `samples` is the number
-    of samples per pixel of an attachment. A buffer has `bytes`, and neither format nor size.
+    divided by that, and rounded up. With `slices` it is a 3D image of `size` and so many slices. `clear` is the value
+    that an attachment is cleared to. `samples` is the number of samples per pixel of an attachment. A buffer has
+    `bytes`, and neither format nor size.
 
     A name stands for the result of one pass. A pass that draws over the result of another pass writes a new name, and
     `of` is the old one: the same memory at a later moment. Without `of` and `clear` the old contents are lost. If the
@@ -292,6 +293,7 @@ class Access:
     previous: bool = False
     stages: tuple[str, ...] = ()
     texel: tuple[int, int] = (1, 1)
+    slices: int = 0
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -50,15 +51,14 @@ class Fence:
 
 
 class Readback:
-    """A buffer of the size of one image. `record` copies the image into it, `read` returns it once a fence says so."""
+    """A buffer of the size of one image, all slices of a 3D one. `record` copies the image into it, `read` returns it once a fence says so."""
 
     def __init__(self, context: Context, image: Image, name: str) -> None:
         self._context, self._image = context, image
         self._format = FORMATS[image.format]
-        self._shape = (image.height, image.width)
-        self.buffer = create_buffer(
-            context, image.width * image.height * self._format.texel, "readback", name
-        )
+        slices = (image.layers,) if image.shape == "3d" else ()
+        self._shape = (*slices, image.height, image.width)
+        self.buffer = create_buffer(context, math.prod(self._shape) * self._format.texel, "readback", name)
 
     def record(self) -> None:
         """Copy level 0 of the image into the buffer; nothing is waited for."""
@@ -72,12 +72,16 @@ class Readback:
         """Do so without barriers: where it is known that no shader stored to the image, or one stands in front."""
         fn = self._context.fn
         fn.glBindBuffer(gl.GL_PIXEL_PACK_BUFFER, self.buffer.handle)
-        _copy(self._context, self._image, 0, 0, gl.NULL, self.buffer.size)
+        slices = self._image.layers if self._image.shape == "3d" else 1
+        _copy(self._context, self._image, 0, 0, gl.NULL, self.buffer.size, slices)
         fn.glBindBuffer(gl.GL_PIXEL_PACK_BUFFER, 0)
 
     def read(self) -> np.ndarray:
-        """Return a copy of the image as (H, W) or (H, W, C), row 0 on top; a fence after `record` must be reached."""
-        count = self._shape[0] * self._shape[1] * self._format.channels
+        """Return a copy of the image as (H, W) or (H, W, C), row 0 on top; a fence after `record` must be reached.
+
+        A 3D image has its slices in front: (D, H, W, C).
+        """
+        count = math.prod(self._shape) * self._format.channels
         values = self.buffer.view(self._format.dtype)[:count]
         pixels = values.reshape(_shaped(self._shape, self._format.channels)).copy()
         return unpacked(pixels, self._image.format)
@@ -97,14 +101,16 @@ def read_image(context: Context, image: Image, *, level: int = 0, layer: int = 0
     return unpacked(values, image.format)
 
 
-def _copy(context: Context, image: Image, level: int, layer: int, where: Any, size: int) -> None:
+def _copy(
+    context: Context, image: Image, level: int, layer: int, where: Any, size: int, slices: int = 1
+) -> None:
     described = FORMATS[image.format]
     width, height = level_size(image, level)
     context.fn.glGetTextureSubImage(
         image.view,
         level,
         *(0, 0, layer),
-        *(width, height, 1),
+        *(width, height, slices),
         described.pixels,
         described.component,
         size,
@@ -112,5 +118,5 @@ def _copy(context: Context, image: Image, level: int, layer: int, where: Any, si
     )
 
 
-def _shaped(size: tuple[int, int], channels: int) -> tuple[int, ...]:
+def _shaped(size: tuple[int, ...], channels: int) -> tuple[int, ...]:
     return size if channels == 1 else (*size, channels)

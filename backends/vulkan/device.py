@@ -24,6 +24,7 @@ _NAME_INFO = vk.ffi.typeof("VkDebugUtilsObjectNameInfoEXT *")
 
 LIMITS = (
     "maxImageDimension2D",
+    "maxImageDimension3D",
     "maxPushConstantsSize",
     "maxBoundDescriptorSets",
     "maxPerStageDescriptorStorageBuffers",

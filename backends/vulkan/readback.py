@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -13,13 +14,13 @@ from common.images.packed import unpacked
 
 
 class Readback:
-    """A buffer of the size of one image. `record` copies the image into it, `read` returns it once that is done."""
+    """A buffer of the size of one image, all slices of a 3D one. `record` copies the image into it, `read` returns it once that is done."""
 
     def __init__(self, device: Device, image: Image, name: str) -> None:
         self._device = device
         _, texel, self._dtype, self._channels = FORMATS[image.format]
-        self._shape = (image.height, image.width)
-        size = image.width * image.height * texel
+        self._shape = (*(() if image.depth is None else (image.depth,)), image.height, image.width)
+        size = math.prod(self._shape) * texel
         self.buffer: Buffer = create_buffer(
             device, size, vk.VK_BUFFER_USAGE_TRANSFER_DST_BIT, "readback", name
         )
@@ -27,7 +28,7 @@ class Readback:
         self._region = vk.new(
             "VkBufferImageCopy",
             imageSubresource={"aspectMask": image.aspect, "layerCount": 1},
-            imageExtent={"width": image.width, "height": image.height, "depth": 1},
+            imageExtent={"width": image.width, "height": image.height, "depth": image.depth or 1},
         )
 
     def record(self, commands: Any) -> None:
@@ -39,10 +40,10 @@ class Readback:
     def read(self) -> np.ndarray:
         """Return a copy of the image as (H, W) or (H, W, C), row 0 on top; the GPU must have finished the copy.
 
-        Channels that share a word are unpacked.
+        A 3D image has its slices in front: (D, H, W, C). Channels that share a word are unpacked.
         """
         self._device.memory.invalidate(self.buffer.allocation)
-        values = self.buffer.view(self._dtype)[: self._shape[0] * self._shape[1] * self._channels]
+        values = self.buffer.view(self._dtype)[: math.prod(self._shape) * self._channels]
         shape = self._shape if self._channels == 1 else (*self._shape, self._channels)
         return unpacked(values.reshape(shape).copy(), self._image.format)
 

@@ -176,11 +176,17 @@ def _image_info(
 
 
 def image_requirements(
-    device: Device, format: str, size: tuple[int, int], usage: int, samples: int = 1
+    device: Device,
+    format: str,
+    size: tuple[int, int],
+    usage: int,
+    samples: int = 1,
+    depth: int | None = None,
 ) -> tuple[int, int, int]:
     """Return (bytes, alignment, mask of memory types) of an image that does not exist yet."""
     info = vk.new(
-        "VkDeviceImageMemoryRequirements", pCreateInfo=_image_info(format, size, usage, samples=samples)
+        "VkDeviceImageMemoryRequirements",
+        pCreateInfo=_image_info(format, size, usage, samples=samples, depth=depth),
     )
     out = vk.new("VkMemoryRequirements2")
     device.fn.vkGetDeviceImageMemoryRequirements(device.handle, info, out)

@@ -33,6 +33,7 @@ from common.view.camera import View
 from .cloth.technique import ClothTechnique
 from .clusters.technique import ClusterTechnique
 from .culling.technique import CullingTechnique
+from .fog.technique import FogTechnique
 from .frames.frame import SOURCES, Frame, reset_by
 from .graph.file import graph_path, read_graph
 from .graph.passes import make_passes
@@ -54,6 +55,7 @@ class Renderer(GraphStream):
 
     TECHNIQUES = (
         TransparencyTechnique,
+        FogTechnique,
         ClusterTechnique,
         CullingTechnique,
         ClothTechnique,

@@ -15,6 +15,7 @@ from .cloth.settings import ClothSettings
 from .clusters.settings import ClusterSettings
 from .culling.settings import CullingSettings
 from .environment.settings import EnvironmentSettings
+from .fog.settings import FogSettings
 from .frames.queues.settings import QueueSettings
 from .frames.settings import FrameSettings
 from .graph.settings import GraphSettings
@@ -139,6 +140,9 @@ class Settings(Grouped):
         "page_budget shadow_near shadow_pool shadow_sides "
         "shadow_cull_instances shadow_cull_meshlets shadow_cull_cones shadow_cull_faces "
         "rate_policy rate_coarse rate_threshold rate_surface rate_fragments rate_radius rate_tint "
+        "fog fog_density fog_height fog_falloff fog_albedo fog_anisotropy "
+        "fog_noise fog_noise_size fog_noise_period fog_wind fog_near fog_far fog_columns fog_rows fog_slices fog_format "
+        "fog_spatial fog_temporal fog_share fog_half fog_half_tolerance "
         "skip_unused"
     )
 
@@ -159,3 +163,4 @@ class Settings(Grouped):
     hdr: HdrSettings = group(HdrSettings)
     shadows: ShadowSettings = group(ShadowSettings)
     rates: RateSettings = group(RateSettings)
+    fog: FogSettings = group(FogSettings)

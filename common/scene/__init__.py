@@ -1,5 +1,6 @@
 """The scene as arrays, its pose at a time, and what changes, merges or makes scenes."""
 
+from common.scene.medium import FogBox, Medium
 from common.scene.scene import (
     LEAST_EXTENT,
     LEAST_NEAR,
@@ -41,10 +42,12 @@ __all__ = [
     "EncodedImage",
     "Float32",
     "Float64",
+    "FogBox",
     "Image",
     "Instances",
     "Light",
     "Material",
+    "Medium",
     "Nodes",
     "Pose",
     "Sampler",

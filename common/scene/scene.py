@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from common.scene.ancestry import Ancestry
 from common.scene.images import EncodedImage as EncodedImage
 from common.scene.images import Image as Image
+from common.scene.medium import Medium
 
 if TYPE_CHECKING:
     from common.environment import Environment
@@ -300,6 +301,7 @@ class Scene:
     ambient: float | None = None  # nits; the author's stand-in for indirect light (`extras.strata.ambient`)
     environment: Environment | None = None  # light from far away; fixed when a renderer opens the scene
     ev100: float | None = None  # an exposure that decides over those of the cameras
+    medium: Medium | None = None  # fog between surfaces; fixed when a renderer opens the scene (`extras.strata.fog`)
     warnings: list[str] = field(default_factory=list)
     revision: dict[Change, int] = field(default_factory=lambda: dict.fromkeys(Change, 0))
 

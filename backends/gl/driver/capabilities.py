@@ -57,6 +57,7 @@ ABSENT: dict[str, str] = {
 _LIMITS: dict[str, tuple[int, ...]] = {
     # name, where there is one that of Vulkan: the smallest of these
     "maxImageDimension2D": (gl.GL_MAX_TEXTURE_SIZE, gl.GL_MAX_VIEWPORT_DIMS),
+    "maxImageDimension3D": (gl.GL_MAX_3D_TEXTURE_SIZE,),
     "maxImageArrayLayers": (gl.GL_MAX_ARRAY_TEXTURE_LAYERS,),
     "maxUniformBufferRange": (gl.GL_MAX_UNIFORM_BLOCK_SIZE,),
     "maxPerStageDescriptorStorageBuffers": (

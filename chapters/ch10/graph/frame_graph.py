@@ -170,7 +170,7 @@ def _resource(
             external.size,
             external.bytes,
             external.samples,
-            uses,
+            uses=uses,
         )
     first_write = facts.first_write
     assert first_write is not None, "a name without a writer was refused before"
@@ -191,7 +191,15 @@ def _resource(
         )
     kind = "attachment" if facts.drawn else "texture"
     return Resource(
-        name, names, kind, life, first_write.format, pixels, samples=first_write.samples, uses=uses
+        name,
+        names,
+        kind,
+        life,
+        first_write.format,
+        pixels,
+        samples=first_write.samples,
+        slices=first_write.slices,
+        uses=uses,
     )
 
 
@@ -201,7 +209,8 @@ def texels(resource: Resource) -> Requirement:
         return Requirement(resource.bytes, 256)
     assert resource.size is not None and resource.format is not None, "an image has both"
     width, height = resource.size
-    return Requirement(width * height * resource.samples * bytes_of(resource.format), 256)
+    texels = width * height * resource.samples * max(1, resource.slices)
+    return Requirement(texels * bytes_of(resource.format), 256)
 
 
 def bytes_of(format: str) -> int:

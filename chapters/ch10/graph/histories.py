@@ -51,7 +51,7 @@ class Histories:
         if self._cached[0] is not graph:
             written = {name for step in graph.steps for name in step.writes}
             shapes = {
-                name: (resource.format, resource.size, resource.bytes)
+                name: (resource.format, resource.size, resource.slices, resource.bytes)
                 for name, resource in graph.resources.items()
                 if resource.life == "history" and name in written
             }

@@ -95,6 +95,8 @@ class Resource:
     size: tuple[int, int] | None = None
     bytes: int = 0
     samples: int = 1
+    slices: int = 0
+    """The slices of a 3D image; 0 for a 2D one."""
     uses: frozenset[str] = frozenset()
     """All uses, over all of its names: a backend creates the resource for these uses."""
 

@@ -16,6 +16,7 @@ from common.view.camera import View
 
 from ..clusters.model import list_defines
 from ..environment import model
+from ..fog.model import fog_defines
 from ..frames.commands import SceneBinding
 from ..hdr.memory import ExposureMemory
 from ..loading.importance import material_sizes
@@ -72,6 +73,8 @@ class SceneData:
         """The memory of shadows, if lights cast any (shadows/memory.py)."""
         self.reordered: Callable[[], bool] = lambda: False
         """Puts triangles into the order that materials ask for by now; returns whether any was in another one."""
+        self.fog: Any = None
+        """The memory of fog, if there is a medium (fog/memory.py)."""
         self._materials_seen = -1
         self.instance_parts = instance_parts(len(scene.instances), limits[1])
         self.light_lists: Any = None
@@ -89,6 +92,7 @@ class SceneData:
             *lists,
             *index_defines(self._settings),
             *shadow_defines(self._scene, self._settings, self.shadow_places),
+            *fog_defines(self._scene, self._settings),
         )
         return (("INSTANCES_PER_PAGE", first // RECORD_BYTES), *lists) if more else lists
 

@@ -273,6 +273,9 @@ class GlSceneData(SceneData):
         if self.shadows is not None:
             bind_buffer(context, "storage", 14, self.shadows.blocks[slot])
             bind_storage_image(context, 7, self.shadows.pages, access="both")
+        if self.fog is not None:
+            bind_buffer(context, "uniform", 13, self.fog.blocks[slot])
+            bind_buffer(context, "storage", 15, self.fog.store)
         if self._environment is not None:
             sampler = self.sampler(model.SMOOTH, 1.0)
             maps = self._environment

@@ -48,4 +48,5 @@ layout(BIND(0, 6, 1)) uniform samplerCube environment_irradiance;
 layout(BIND(0, 7, 2)) uniform sampler2D environment_table;
 
 #include "shadows/scene.glsl"
+#include "fog/scene.glsl"
 #include "hdr/exposure.glsl"

@@ -213,6 +213,8 @@ class VulkanSceneData(SceneData):
                     held[10] = self.exposures.blocks[index]
                 if self.shadows is not None:
                     held |= {11: self.shadows.blocks[index], 12: self.shadows.held_pages}
+                if self.fog is not None:
+                    held |= {13: self.fog.blocks[index], 14: self.fog.store}
                 frames.append((layouts[FRAME], held, f"frame, slot {index}"))
         paged = [
             (layouts[PAGE], {0: buffers.get(handle)}, f"page {number}")

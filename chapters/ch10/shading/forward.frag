@@ -5,6 +5,7 @@
 #include "shadows/factor.glsl"
 #include "material.glsl"
 #include "finite.glsl"
+#include "fog/apply.glsl"
 #ifdef SHADED
 #include "brdf.glsl"
 #endif
@@ -171,9 +172,9 @@ void main() {
 #elif defined(GBUFFER)
     store_unlit(base.rgb);
 #elif defined(LAYERS)
-    store_layer(finite_color(color), base.a);
+    store_layer(finite_color(fog_over(color, in_position)), base.a);
 #else
-    out_color = vec4(finite_color(color), base.a);
+    out_color = vec4(finite_color(fog_over(color, in_position)), base.a);
 #endif
 #endif
 #endif

@@ -64,7 +64,7 @@ class ForwardPass(ObjectsPass):
             Access(color, "color", format=settings.shading.color_format, clear=clear, samples=samples),
             *written,
         )
-        self._sky = Sky(parts) if Sky.needed(parts.scene, settings) else None
+        self._sky = Sky(parts) if Sky.drawn(parts.scene, settings) else None
         self.draws_blended = True  # and the sky: both come after all solid objects
 
     def split(self, late: ObjectsPass) -> str:

@@ -10,6 +10,7 @@
 #include "finite.glsl"
 #include "color_code.glsl"
 #include "normal_code.glsl"
+#include "fog/apply.glsl"
 #ifdef ENVIRONMENT
 #include "ibl.glsl"
 #endif
@@ -36,11 +37,12 @@ layout(BIND(1, FREE_BINDING, FREE_BINDING + 3)) uniform sampler2D ambient_occlus
 #undef main
 #else
 #ifndef COMPUTED
+layout(location = 0) in vec2 in_uv;
 layout(location = 0) out vec4 out_color;
 #endif
 
 void sky() {
-    out_color = vec4(vec3(BACKGROUND), 1.0);
+    out_color = vec4(fog_behind(vec3(BACKGROUND), in_uv), 1.0);
 }
 #endif
 
@@ -104,5 +106,5 @@ void main() {
 #ifdef EMISSION
     color += texelFetch(gbuffer_emissive, pixel, 0).rgb;
 #endif
-    out_color = vec4(finite_color(color), 1.0);
+    out_color = vec4(finite_color(fog_over(color, position_of(pixel, d))), 1.0);
 }

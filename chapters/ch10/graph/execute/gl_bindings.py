@@ -31,8 +31,9 @@ _PLACES = {
 _PUSH = _PLACES["uniform"] + "14"
 """The block of push constants (`backends.shader_text`)."""
 
-_SCENE = [_PLACES["storage"] + number for number in ("12", "13", "14")] + [_PLACES["image"] + "7"]
-"""The scene's places behind the first ones of all others: more instances, light lists, shadows (scene/scene.glsl)."""
+_SCENE = [_PLACES["storage"] + number for number in ("12", "13", "14", "15")] + [_PLACES["image"] + "7"]
+_SCENE += [_PLACES["uniform"] + "13"]
+"""The scene's places behind the first ones of all others: more instances, light lists, shadows, fog (scene/scene.glsl)."""
 
 
 @dataclass(frozen=True)

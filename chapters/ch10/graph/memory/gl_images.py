@@ -37,7 +37,7 @@ def sharing(graph: Graph, alias: bool = True) -> dict[str, str]:
     free_after: dict[Any, dict[str, int]] = defaultdict(dict)
     for name in sorted(lives, key=lambda name: (lives[name], name)):
         resource, (first, last) = graph.resources[name], lives[name]
-        alike = free_after[resource.format, resource.size, resource.samples, resource.bytes]
+        alike = free_after[resource.format, resource.size, resource.slices, resource.samples, resource.bytes]
         free = [other for other, until in alike.items() if until < first]
         owner[name] = free[0] if free and alias else name
         alike[owner[name]] = last
@@ -90,7 +90,13 @@ class GraphImages(ImagesInSlots[Image, Buffer]):
         else:
             assert resource.format is not None and resource.size is not None, resource
             image_or_buffer = create_image(
-                self._context, resource.format, resource.size, name, samples=resource.samples
+                self._context,
+                resource.format,
+                resource.size,
+                name,
+                shape="3d" if resource.slices else "2d",
+                layers=max(1, resource.slices),
+                samples=resource.samples,
             )
         self._objects.append(image_or_buffer)
         return image_or_buffer

@@ -67,14 +67,20 @@ class GraphMemory:
     def requirement(self, resource: Resource) -> Requirement:
         """Return the memory requirements of a resource before it exists."""
         usage = self.usage(resource)
-        key = (resource.kind, resource.format, resource.size, resource.bytes, resource.samples, usage)
+        shape = resource.size, resource.slices, resource.bytes, resource.samples
+        key = (resource.kind, resource.format, shape, usage)
         if key not in self._known:
             if resource.kind == "buffer":
                 values = buffer_requirements(self._device, resource.bytes, usage, self.families)
             else:
                 assert resource.format is not None and resource.size is not None, resource
                 values = image_requirements(
-                    self._device, resource.format, resource.size, usage, resource.samples
+                    self._device,
+                    resource.format,
+                    resource.size,
+                    usage,
+                    resource.samples,
+                    resource.slices or None,
                 )
             self._known[key] = Requirement(*values)
         return self._known[key]
@@ -146,6 +152,7 @@ class GraphImages(ImagesInSlots[Image, Buffer]):
                 usage,
                 name,
                 samples=resource.samples,
+                depth=resource.slices or None,
                 place=place,
             )
         self._objects.append(image_or_buffer)

@@ -1,0 +1,76 @@
+"""The memory of fog that all shaders of the scene see: a block for each slot, and the store; `vulkan.py` and `gl.py`
+create them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..frames.frame import SLOTS
+from . import model
+
+BOX = np.dtype([("center", np.float32, 4), ("half_size", np.float32, 4), ("albedo", np.float32, 4)])
+
+BLOCK = np.dtype(
+    [
+        ("range", np.float32, 4),
+        ("size", np.uint32, 4),
+        ("constant", np.float32, 4),
+        ("height", np.float32, 4),
+        ("shape", np.float32, 4),
+        ("wind", np.float32, 4),
+        ("bounds", np.float32, 4),
+        ("ambient", np.float32, 4),
+        ("history", np.float32, 4),
+        ("frame", np.uint32, 4),
+        ("places", np.uint32, 4),
+        ("boxes", BOX, model.MOST_BOXES),
+    ]
+)
+"""The block of a slot (fog/scene.glsl), which std140 lays out without gaps: all of it is vectors of four."""
+
+
+class FogMemory:
+    """Blocks and store. `blocks` and `store` are part of the scene's set of bindings."""
+
+    def __init__(self, backend: Any) -> None:
+        self._backend = backend
+        self.blocks = [self._create_block(f"fog, slot {slot}") for slot in range(SLOTS)]
+        self._written: list[bytes] = [b""] * SLOTS
+        self.store: Any = None
+        """The store, once the size of the picture is known."""
+
+    def make(self, words: int) -> None:
+        """Create the store of so many words, with blue noise at its beginning."""
+        self._free_store()
+        self.store = self._create_store(words * model.WORD_BYTES, model.ranks())
+
+    def write(self, slot: int, block: np.ndarray) -> int:
+        """Write the block of a slot, if it is another one; return the bytes written."""
+        content = block.tobytes()
+        if self._written[slot] == content:
+            return 0
+        self._written[slot] = content
+        self._mapped(slot)[: len(content)] = np.frombuffer(content, np.uint8)
+        return len(content)
+
+    def _mapped(self, slot: int) -> np.ndarray:
+        mapped: np.ndarray = self.blocks[slot].view(np.uint8)
+        return mapped
+
+    def _create_block(self, name: str) -> Any:
+        """Return a buffer that the CPU writes and shaders read."""
+        raise NotImplementedError
+
+    def _create_store(self, size: int, beginning: np.ndarray) -> Any:
+        """Return a buffer of the device with this content at its beginning."""
+        raise NotImplementedError
+
+    def _free_store(self) -> None:
+        """Free the store, if there is one, after its last use."""
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """Free everything."""
+        self._free_store()

@@ -1,0 +1,209 @@
+"""The passes of fog, before the passes that light surfaces.
+
+    fog_noise      the noise of the medium, once -> the store
+    fog_inject     the medium -> fog_medium
+    fog_scatter    fog_medium, lights and their shadows -> fog_light
+    fog_spatial    fog_light -> fog_smooth
+    fog_temporal   fog_smooth, the history of the frame before -> history_fog
+    fog_integrate  the sum along each column -> records in the store, which surfaces read
+
+The volumes are 3D images of the frame graph, so fog_smooth may lie where fog_medium was, and the history swaps its two
+images. The store is memory of the technique: shaders of the scene bind it with the rest of what they see.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Any
+
+from backends.contract import Access, Pass
+from common.scene import Scene
+
+from ..frames.commands import Commands
+from ..graph.types import External, Touch
+from ..pipelines.compute_description import ComputeDescription
+from ..scene.data import BEHIND_SCENE
+from ..scene.pass_parts import PassParts
+from ..settings import Settings
+from . import model
+
+NOISE, RECORDS = "fog_noise", "fog_records"
+"""Parts of the store in the graph."""
+
+HISTORY = "history_fog"
+
+LIT = ("forward", "forward_late", "lighting", "lighting_compute", "lighting_blocks", "lighting_pixels")
+LIT = (*LIT, "transparent", "transparent_fill")
+"""The passes that show surfaces through fog."""
+
+_READ = Touch("", frozenset({"fragment", "compute"}), frozenset({"storage_read"}))
+"""The last use in the frame before."""
+
+
+class FogPass(Pass):
+    """The common base: a kernel with an invocation for each froxel."""
+
+    sources = BEHIND_SCENE
+    shader: str
+    result: str
+    """The volume that the pass writes."""
+
+    def __init__(self, parts: PassParts) -> None:
+        self._settings, self._pipelines, self._draws = parts.settings, parts.pipelines, parts.draws
+        self._data = parts.data
+        self.in_view = True
+        """Whether any of the medium is in view: else nothing is dispatched."""
+        self._volume()
+
+    def _volume(self, instead: str = "") -> None:
+        """Declare the volume that the pass writes."""
+        knobs = self._settings.fog
+        columns, rows, slices = model.grid_of(knobs)
+        self.writes = (
+            Access(
+                self.result,
+                "storage",
+                format=knobs.fog_format,
+                size=(columns, rows),
+                slices=slices,
+                instead=instead,
+            ),
+        )
+
+    @staticmethod
+    def needed(scene: Scene, settings: Settings) -> bool:
+        """Whether there is a medium whose light is shown."""
+        return model.needed(scene, settings) and settings.shading.view != "fog-slices"
+
+    def defines(self) -> model.Defines:
+        """Return the defines of the kernel."""
+        knobs = self._settings.fog
+        noise = (("NOISE_SIZE", knobs.fog_noise_size),) if model.noise_in_use(self._settings) else ()
+        jitter = (("JITTER", 1),) if knobs.fog_temporal else ()
+        lit = (("LIT", 1),) if self._data.lit else ()
+        return (("FORMAT", knobs.fog_format), *noise, *jitter, *lit)
+
+    def create(self) -> None:
+        """Build the pipeline."""
+        self.pipelines = self._pipelines.get(
+            [ComputeDescription(self.shader, self.defines(), name=self.name)]
+        )
+
+    def extent(self) -> tuple[int, int, int]:
+        """Return the invocations along each axis."""
+        return model.grid_of(self._settings.fog)
+
+    def record(self, commands: Commands) -> None:
+        """Record the kernel over all froxels, if there is fog in view."""
+        if self.in_view:
+            (pipeline,) = self.pipelines
+            commands.bind_compute(pipeline, self._draws.binding)
+            commands.dispatch_over(pipeline, self.extent())
+
+    def key(self, slot: int) -> Any:
+        """Return what the recording depends on."""
+        return self.in_view
+
+
+class NoisePass(FogPass):
+    """Makes the noise, in the first frame of a store."""
+
+    name, shader = "fog_noise", "fog/noise.comp"
+    due = True
+    """Whether the store has no noise yet."""
+
+    def _volume(self, instead: str = "") -> None:
+        self.writes = (Access(NOISE, "storage", bytes=4),)
+        self.externals = {NOISE: External(None, None, _READ, bytes=4)}
+
+    @staticmethod
+    def needed(scene: Scene, settings: Settings) -> bool:
+        """Whether the medium has noise."""
+        return FogPass.needed(scene, settings) and model.noise_in_use(settings)
+
+    def extent(self) -> tuple[int, int, int]:
+        """Return an invocation for each eight texels."""
+        size = self._settings.fog.fog_noise_size
+        return size // 8, size, size
+
+    def record(self, commands: Commands) -> None:
+        """Record the kernel, once."""
+        if self.due:
+            super().record(commands)
+
+    def key(self, slot: int) -> Any:
+        """Return whether the kernel runs."""
+        return self.due, self.in_view
+
+
+class InjectPass(FogPass):
+    """Writes the medium into the froxels."""
+
+    name, shader, result = "fog_inject", "fog/inject.comp", "fog_medium"
+
+    def __init__(self, parts: PassParts) -> None:
+        super().__init__(parts)
+        if model.noise_in_use(parts.settings):
+            self.reads = (Access(NOISE, "storage"),)
+
+
+class ScatterPass(FogPass):
+    """Finds the light that each froxel sends to the eye."""
+
+    name, shader, result = "fog_scatter", "fog/scatter.comp", "fog_light"
+    reads = (Access("fog_medium", "sampled"),)
+
+
+class SpatialPass(FogPass):
+    """Averages neighbours."""
+
+    name, shader, result = "fog_spatial", "fog/spatial.comp", "fog_smooth"
+    reads = (Access("fog_light", "sampled"),)
+
+    def _volume(self, instead: str = "") -> None:
+        super()._volume(instead="fog_light")
+
+    @staticmethod
+    def needed(scene: Scene, settings: Settings) -> bool:
+        """Whether the settings ask for it."""
+        return FogPass.needed(scene, settings) and settings.fog.fog_spatial
+
+
+class TemporalPass(FogPass):
+    """Blends with the frames before."""
+
+    name, shader, result = "fog_temporal", "fog/temporal.comp", HISTORY
+    reads = (Access("fog_smooth", "sampled"), Access(HISTORY, "sampled", previous=True))
+
+    def _volume(self, instead: str = "") -> None:
+        super()._volume(instead="fog_smooth")
+
+    @staticmethod
+    def needed(scene: Scene, settings: Settings) -> bool:
+        """Whether the settings ask for it."""
+        return FogPass.needed(scene, settings) and settings.fog.fog_temporal
+
+
+class IntegratePass(FogPass):
+    """Sums the light along each column."""
+
+    name, shader = "fog_integrate", "fog/integrate.comp"
+    reads = (Access(HISTORY, "sampled"),)
+
+    def _volume(self, instead: str = "") -> None:
+        self.writes = (Access(RECORDS, "storage", bytes=4),)
+        self.externals = {RECORDS: External(None, None, _READ, bytes=4)}
+
+    def extent(self) -> tuple[int, int, int]:
+        """Return an invocation for each column."""
+        columns, rows, _ = super().extent()
+        return columns, rows, 1
+
+
+FOG_PASSES = (NoisePass, InjectPass, ScatterPass, SpatialPass, TemporalPass, IntegratePass)
+
+
+def read_records(passes: Collection[Pass]) -> None:
+    """Declare in the passes that show surfaces that they read the records of fog."""
+    for gpu_pass in passes:
+        gpu_pass.reads = (*gpu_pass.reads, Access(RECORDS, "storage"))

@@ -1,0 +1,98 @@
+// The light that each froxel sends to the eye, per metre: from the lights of its cluster through their shadows, dimmed by
+// the medium on the way, and from everywhere alike.
+
+#include "scene/scene.glsl"
+#include "clusters/walk.glsl"
+#include "shadows/factor.glsl"
+#include "medium.glsl"
+#include "phase.glsl"
+#include "finite.glsl"
+#include "grid.glsl"
+
+layout(BIND(1, 0, 3)) uniform sampler3D fog_medium;
+layout(BIND(1, 1, 0), FORMAT) uniform writeonly image3D fog_light;
+
+// The optical depth between two points, in closed form. Noise counts by its mean, which is 1.
+float optical_depth(vec3 start, vec3 end) {
+    float mean = fog.constant.a + fog.height.a * height_mean(start.y, end.y, fog.shape.x, fog.shape.y);
+    for (uint i = 0u; i < fog.size.w; ++i) {
+        mean += fog.boxes[i].center.w * box_mean(start, end, fog.boxes[i].center.xyz, fog.boxes[i].half_size.xyz);
+    }
+    return distance(start, end) * mean;
+}
+
+// The way from a point to the sun ends at the box around the scene, metres.
+float way_out(vec3 position, vec3 direction) {
+    vec3 size = max(abs(direction), 1e-20);
+    vec3 ways = (fog.bounds.xyz - position * sign(direction)) / size;
+    return max(min(ways.x, min(ways.y, ways.z)), 0.0);
+}
+
+#ifdef LIT
+// One tap: a froxel is wider than the kernel, and filters follow.
+float sees_light(uint light, vec3 position, vec3 to_light) {
+#ifdef SHADOWS
+    int number = face_of(light, position);
+    if (number < 0) {
+        return 1.0;
+    }
+    ShadowFace face = shadow_faces[number];
+    vec3 p = in_face(face, position);
+    if (p.z <= face.origin.w) {
+        return 1.0;
+    }
+    Receiver receiver = receiver_of(face, p, to_light, 0);
+    float stored;
+    return hides(face, receiver, ivec2(floor(receiver.at)), stored) ? 0.0 : 1.0;
+#else
+    return 1.0;
+#endif
+}
+
+// `leaving` is the direction to the eye, `radius` half the froxel: nearer lights are not told apart, and 1/r^2 is finite.
+vec3 light_of(uint number, vec3 position, vec3 leaving, float radius) {
+    Light light = lights[number];
+    light.color *= exposure();
+    vec3 to_light;
+    vec3 received = illuminance(light, position, radius * radius, to_light);
+    if (!(max(received.r, max(received.g, received.b)) > 0.0)) {
+        return vec3(0.0);
+    }
+    float visible = sees_light(number, position, to_light);
+    if (visible == 0.0) {
+        return vec3(0.0);
+    }
+    bool far_away = light.kind == LIGHT_DIRECTIONAL;
+    vec3 end = far_away ? position + to_light * way_out(position, to_light) : light.position;
+    float phase = henyey_greenstein(one_minus_cosine(-to_light, leaving), fog.range.w);
+    return received * (visible * phase * exp(-optical_depth(position, end)));
+}
+#endif
+
+void main() {
+    ivec3 froxel = ivec3(gl_GlobalInvocationID);
+    if (!is_froxel(froxel)) {
+        return;
+    }
+    vec4 medium = texelFetch(fog_medium, froxel, 0);
+    vec3 light = vec3(0.0);
+    if (max(medium.r, max(medium.g, medium.b)) > 0.0) {
+        vec3 view = froxel_sample(froxel);
+        vec3 position = world_of(view);
+        vec3 leaving = frame.orthographic != 0u ? vec3(0.0, 0.0, 1.0) : -normalize(view);
+        leaving = mat3(frame.world_from_view) * leaving;
+        light = (frame.ambient.rgb + fog.ambient.rgb) * exposure();
+#ifdef LIT
+        float depth = -view.z, w = float(froxel.z) / float(fog.size.z);
+        float thick = slice_depth(w + 1.0 / float(fog.size.z), fog.range.x, fog.range.y)
+            - slice_begin(uint(froxel.z), fog.size.z, fog.range.x, fog.range.y);
+        vec3 next = view_from_volume(froxel_uv(froxel) + 1.0 / vec2(fog.size.xy), depth, frame.steady_clip_from_view);
+        float radius = 0.5 * length(vec3(next.xy - view.xy, thick));
+        LightWalk walk = first_light(position, froxel_uv(froxel) * frame.size.xy);
+        for (uint i; next_light(walk, i);) {
+            light += light_of(i, position, leaving, radius);
+        }
+#endif
+    }
+    imageStore(fog_light, froxel, stored(vec4(finite_color(medium.rgb * light), medium.a)));
+}

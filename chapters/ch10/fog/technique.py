@@ -1,0 +1,168 @@
+"""Fog outside of its passes: the block of each frame, the store, and until when a history changes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from backends.contract import FrameInfo, Pass, Technique
+from common.scene import Scene
+
+from ..environment import model as environment
+from ..frames.backend.backend import Backend
+from ..scene.pass_parts import PassParts
+from ..settings import Settings
+from . import model
+from .memory import BLOCK, FogMemory
+from .passes import FOG_PASSES, LIT, FogPass, NoisePass, read_records
+
+
+class FogTechnique(Technique):
+    """Owns what all shaders see of fog.
+
+    The share of a frame in the history is 1 / n in frame n of a view without changes, so the history is their mean. After
+    REST_FRAMES it stays as it is. While something changes, the share is that of the settings.
+    """
+
+    name = "fog"
+
+    def __init__(self, scene: Scene, settings: Settings) -> None:
+        super().__init__(scene, settings)
+        if model.wanted(settings):
+            model.check(scene, settings)
+        self._knobs = settings.fog
+        self._memory: FogMemory | None = None
+        self._own: tuple[FogPass, ...] = ()
+        self._age = self._still = 0
+        self._state: Any = None
+        self._size: tuple[int, int] | None = None
+        self._noise_sent = False
+
+    def create(self, parts: PassParts, backend: Backend, passes: Mapping[str, Pass]) -> None:
+        """Make the passes, and the memory, which becomes a part of the scene's bindings."""
+        self._parts, self._backend = parts, backend
+        self._own = tuple(kind(parts) for kind in FOG_PASSES)
+        self.passes = {gpu_pass.name: gpu_pass for gpu_pass in self._own}
+        if not model.needed(parts.scene, parts.settings):
+            return
+        if FogPass.needed(parts.scene, parts.settings):
+            read_records([gpu_pass for name, gpu_pass in passes.items() if name in LIT])
+        self._medium = model.medium_of(parts.scene, self._knobs)
+        self._memory = parts.data.fog = backend.part(__package__).FogMemory(backend)
+        self._block = self._fixed_block()
+        if not model.half_in_use(parts.settings):
+            self._make_store((1, 1))
+
+    def _fixed_block(self) -> np.ndarray:
+        """Return the block with all that no frame changes."""
+        scene, knobs, medium = self._parts.scene, self._knobs, self._medium
+        block = np.zeros((), BLOCK)
+        near, far = model.range_of(scene, knobs)
+        block["range"] = near, np.log2(far / near), far, knobs.fog_anisotropy
+        block["size"] = *model.grid_of(knobs), len(medium.boxes)
+        block["constant"] = *medium.albedo, medium.extinction
+        block["height"] = *medium.albedo, medium.height_extinction
+        periods = 1.0 / (knobs.fog_noise_period * scene.length_scale)
+        base = medium.height_base - scene.origin[1]
+        block["shape"] = base, medium.height_falloff, knobs.fog_noise, periods
+        block["bounds"][:3] = (scene.bounds[1] - scene.bounds[0]) / 2
+        block["bounds"][3] = knobs.fog_half_tolerance
+        for record, box in zip(block["boxes"], medium.boxes, strict=False):
+            record["center"] = *(np.array(box.center) - scene.origin), box.extinction
+            record["half_size"][:3], record["albedo"][:3] = box.half_size, box.albedo
+        if scene.environment is not None and environment.needed(scene, self._parts.settings):
+            mean = mean_radiance(scene.environment.radiance)
+            block["ambient"][:3] = mean * self._parts.settings.environment.intensity
+        return block
+
+    # --- every frame ---
+
+    def prepare(self, frame: FrameInfo) -> int:
+        """Write the block of the slot; return the bytes written."""
+        if self._memory is None:
+            return 0
+        if model.half_in_use(self._parts.settings) and self._size != frame.size:
+            self._make_store(frame.size)
+            self._show_store(frame)
+        if self._noise_sent:
+            self._noise.due = False
+        width, height = frame.size
+        block, wind = self._block, self._wind(frame.time)
+        state = frame.view, self._moment(frame.time), wind, dict(self.scene.revision)
+        self._still = self._still + 1 if state == self._state else 0
+        self._state = state
+        visible = model.in_view(self._medium, frame.view, width / height, float(block["range"][2]))
+        for own in self._own:
+            own.in_view = visible
+        block["wind"][:3] = wind
+        block["history"][0] = self._share()
+        block["frame"][:3] = self._age & 255, self._still > 0, visible
+        self._age += 1
+        self._noise_sent = self._noise.due and visible
+        return self._memory.write(frame.slot, block)
+
+    def _make_store(self, size: tuple[int, int]) -> None:
+        """Make the store for a picture of `size` pixels."""
+        assert self._memory is not None, "there is fog"
+        model.check_device(self._parts.settings, self._backend.device.capabilities.limits, size)
+        places = model.places_of(self._parts.settings, size)
+        self._memory.make(places.words)
+        self._block["places"] = places.noise, places.froxels, places.pixels, places.columns
+        self._size, self._noise.due, self._noise_sent = size, True, False
+
+    def _show_store(self, frame: FrameInfo) -> None:
+        """Let shaders see another store."""
+        parts = self._parts
+        self._backend.make_sets(frame.passes)
+        self._backend.frames.forget()
+        parts.draws.revision += 1
+        parts.draws.binding = parts.draws.binding._replace(frame=parts.data.binding(frame.slot).frame)
+
+    @property
+    def _noise(self) -> NoisePass:
+        noise = self.passes["fog_noise"]
+        assert isinstance(noise, NoisePass), noise
+        return noise
+
+    def _share(self) -> float:
+        """Return the share of this frame in the history."""
+        if self._still >= model.REST_FRAMES:
+            return 0.0
+        return max(1.0 / (self._age + 1), min(self._knobs.fog_share, 1.0 / (self._still + 1)))
+
+    def _moment(self, time: float) -> float:
+        """Return the time, if anything moves with it."""
+        return time if self.scene.animations else 0.0
+
+    def _wind(self, time: float) -> tuple[float, ...]:
+        """Return the shift of the noise in periods, 0 to 1: wrapped in float64, so that it loses no digits."""
+        if not model.noise_in_use(self._parts.settings):
+            return (0.0, 0.0, 0.0)
+        velocity = np.array(model.WIND) / np.linalg.norm(model.WIND) * self._knobs.fog_wind
+        return tuple((velocity * time * float(self._block["shape"][3]) % 1.0).tolist())
+
+    def resting(self, time: float) -> bool:
+        """Whether the history stays as it is, and no wind blows."""
+        if self._memory is None or self._state is None:
+            return True
+        rests = not self._knobs.fog_temporal or self._still >= model.REST_FRAMES
+        return rests and self._wind(time) == self._state[2]
+
+    def reset(self, reason: str) -> None:
+        """Begin the history anew."""
+        self._age, self._state = 0, None
+
+    def close(self) -> None:
+        """Free the memory."""
+        if self._memory is not None:
+            self._memory.close()
+
+
+def mean_radiance(radiance: np.ndarray) -> np.ndarray:
+    """Return the mean (3,) of a panorama (H, 2H, 3) over all directions."""
+    rows = len(radiance)
+    weights = np.diff(-np.cos(np.arange(rows + 1) * np.pi / rows)) / 2
+    mean: np.ndarray = weights @ radiance.mean(axis=1, dtype=np.float64)
+    return mean
