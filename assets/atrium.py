@@ -32,6 +32,8 @@ from assets.shapes import Float64, Mesh, box, join, sphere, surface, tube
 
 SUN_LUX, SUN_DIRECTION, SUN_COLOR = 3000.0, (0.42, -0.84, 0.34), (1.0, 0.85, 0.64)
 AMBIENT_NITS = 180.0
+FOG = {"extinction": 0.03, "albedo": (0.95, 0.95, 0.95)}
+"""The haze of `atrium:fog`, per metre: where the sun comes in between roofs and arches, its way is seen."""
 LANTERN_CANDELA, LANTERN_COLOR, LANTERN_REACH = 700.0, (1.0, 0.62, 0.28), 7.0
 EV100 = 9.3
 LOOP_S = 12.0  # seconds until everything that moves is where it was
@@ -58,8 +60,8 @@ IVY = (("north", -4.8), ("north", 0.3), ("south", 2.6), ("south", -3.1), ("east"
 
 
 def build(size: str = "medium") -> GltfBuilder:
-    """Return the scene at one of the sizes in `DETAILS`, ready to be written."""
-    detail = DETAILS[size]
+    """Return the scene at one of the sizes in `DETAILS`, or "fog" in haze, ready to be written."""
+    detail = DETAILS["medium" if size == "fog" else size]
     scene = GltfBuilder("atrium")
     material = add_materials(scene, detail.texture_px, plan_occlusion(detail.texture_px))
     nodes = add_building(scene, material, detail)
@@ -70,7 +72,8 @@ def build(size: str = "medium") -> GltfBuilder:
     add_outside(scene, material)
     _lights_and_cameras(scene)
     scene.add_animation("evening_breeze", moving)
-    scene.gltf.scenes[0].extras = {"strata": {"ambient": AMBIENT_NITS}}
+    extras = {"ambient": AMBIENT_NITS} | ({"fog": FOG} if size == "fog" else {})
+    scene.gltf.scenes[0].extras = {"strata": extras}
     return scene
 
 

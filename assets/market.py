@@ -1,7 +1,7 @@
 """The night market: stalls with awnings in lanes around a square, thousands of lamps, glass, and facades around.
 
 `market` has 2,400 lamps, each a point or spot light with a body that glows; `market:lights=400` has 400 of them, which
-are the first 400 of one order. Besides there is the moon, a directional light of a tenth of a lux.
+are the first 400 of one order. `market:fog` is that in mist. Besides there is the moon, a directional light of a tenth of a lux.
 """
 
 from __future__ import annotations
@@ -27,6 +27,9 @@ from assets.shapes import Mesh, quad
 
 MOON_LUX, MOON_DIRECTION, MOON_COLOR = 0.1, (0.5, -0.72, 0.35), (0.62, 0.74, 1.0)
 AMBIENT_NITS = 0.1
+FOG_LAMPS = 400
+FOG = {"extinction": 0.008, "height_extinction": 0.05, "height_falloff": 0.6, "albedo": (0.95, 0.95, 0.95)}
+"""The mist of `market:fog`, per metre: it lies on the ground, so that lamps have halos and roofs are clear."""
 BACKDROP = {"strata": {"backdrop": True}}
 FRONT, DEEP = 11.4, 8.0
 """Width of a house's front, and its depth, in metres."""
@@ -57,7 +60,7 @@ FURNITURE = (
 
 def build(size: str = "lights=2400") -> GltfBuilder:
     """Return the market with so many lamps, such as "lights=2400", ready to be written."""
-    number = int(size.removeprefix("lights="))
+    number = FOG_LAMPS if size == "fog" else int(size.removeprefix("lights="))
     market = _Market()
     _add_ground(market)
     _add_houses(market)
@@ -70,7 +73,8 @@ def build(size: str = "lights=2400") -> GltfBuilder:
     moon = look_at((0, 0, 0), MOON_DIRECTION)
     market.scene.add_light("moon", "directional", MOON_COLOR, MOON_LUX, translation=(0, 60, 0), rotation=moon)
     add_views(market.scene)
-    market.scene.gltf.scenes[0].extras = {"strata": {"ambient": AMBIENT_NITS}}
+    extras = {"ambient": AMBIENT_NITS} | ({"fog": FOG} if size == "fog" else {})
+    market.scene.gltf.scenes[0].extras = {"strata": extras}
     return market.scene
 
 

@@ -63,7 +63,7 @@ _ALL = (
     SceneInfo(
         "atrium",
         "assets.atrium",
-        {"medium": 34032, "small": 12232, "large": 244700},
+        {"medium": 34032, "small": 12232, "large": 244700, "fog": 34032},
         "Everything a frame can hold: all texture maps, alpha mask and blend, instances, cloth, animation, lights.",
     ),
     SceneInfo(
@@ -92,7 +92,7 @@ _ALL = (
     SceneInfo(
         "market",
         "assets.market",
-        {"lights=2400": 336706, "lights=400": 263306},
+        {"lights=2400": 336706, "lights=400": 263306, "fog": 263306},
         "A night market: awnings, glass, and 2,400 lamps that are lights, of which eight and more reach most of what "
         "is seen. market:lights=400, market:lights=0 ... have so many.",
         binary=True,
@@ -153,7 +153,8 @@ def _lamps_size(info: SceneInfo, text: str) -> str:
     assert info.lamps is not None
     least, most = info.lamps
     match = re.fullmatch(r"lights=([0-9]{1,9})", text)
-    advice = f"write lights= and a whole number from {least} to {most:,}, such as {', '.join(info.sizes)}."
+    shown = ", ".join(size for size in info.sizes if size.startswith("lights="))
+    advice = f"write lights= and a whole number from {least} to {most:,}, such as {shown}."
     if match is None:
         raise UserError(f'The scene "{info.name}" has no size "{text}"; {advice}')
     if not least <= int(match[1]) <= most:

@@ -23,6 +23,7 @@ from common.gltf.nodes import Forest, read_cameras, read_forest, read_lights
 from common.gltf.refusal import Refusal, refuse
 from common.names import shortened, visible
 from common.scene import NUMBER_LIMIT, Scene
+from common.scene.medium import medium_of
 
 FAR_FRACTION = 1e-3
 """Of a scene's size: a step between places that is larger is seen, as a pixel of a thousand is."""
@@ -150,6 +151,7 @@ def _assemble(
             animations=animations,
             deformations=drawing.deformations,
             ambient=_ambient(document),
+            medium=medium_of(_extras(document)),
             warnings=document.warnings,
         )
     # NaN fails this comparison as well.
@@ -172,7 +174,12 @@ def _tell_distance(scene: Scene) -> None:
 
 def _ambient(document: Document) -> float | None:
     """Return `extras.strata.ambient` of the default scene, nits."""
+    value = _extras(document).get("ambient")
+    return None if value is None else max(0.0, float(value))
+
+
+def _extras(document: Document) -> dict[str, Any]:
+    """Return `extras.strata` of the default scene."""
     scenes = document.items("scenes")
     extras = scenes[document.root.get("scene", 0)].get("extras") if scenes else None
-    value = (extras.get("strata") or {}).get("ambient") if isinstance(extras, dict) else None
-    return None if value is None else max(0.0, float(value))
+    return (extras.get("strata") or {}) if isinstance(extras, dict) else {}

@@ -173,7 +173,15 @@ _TEXTURE = _fields(
     ),
 )
 
-_STRATA_EXTRAS = _fields(strata=_fields(ev100=_number, ambient=_number))
+_FOG = _fields(
+    extinction=_number,
+    height_extinction=_number,
+    height_falloff=_number,
+    height_base=_number,
+    albedo=_vector(3),
+    boxes=_list(_fields("center half_size extinction", center=_vector(3), half_size=_vector(3), extinction=_number, albedo=_vector(3))),
+)
+_STRATA_EXTRAS = _fields(strata=_fields(ev100=_number, ambient=_number, fog=_FOG))
 
 
 def _extras(value: Any, sizes: Sizes) -> None:

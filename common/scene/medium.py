@@ -6,7 +6,8 @@ it that is scattered, in three channels.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any
 
 Color = tuple[float, float, float]
 
@@ -38,3 +39,22 @@ class Medium:
     height_base: float = 0.0
     albedo: Color = WHITISH
     boxes: tuple[FogBox, ...] = ()
+
+
+def medium_of(extras: dict[str, Any]) -> Medium | None:
+    """Return the medium that `extras.strata` of a glTF scene describes under "fog", by the names of the fields above."""
+    said = extras.get("fog")
+    if said is None:
+        return None
+    boxes = tuple(FogBox(**_values(box, FogBox)) for box in said.get("boxes", ()))
+    return Medium(**{**_values(said, Medium), "boxes": boxes})
+
+
+def _values(said: dict[str, Any], kind: type) -> dict[str, Any]:
+    """Return the numbers and vectors of a JSON object that are fields of `kind`; others are for later versions."""
+    known = {field.name for field in fields(kind)} - {"boxes"}
+    return {
+        name: tuple(map(float, value)) if isinstance(value, list | tuple) else float(value)
+        for name, value in said.items()
+        if name in known
+    }

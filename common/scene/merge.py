@@ -74,6 +74,7 @@ def merge_scenes(
         animations=[animation for part in parts for animation in part["animations"]],
         deformations=[deformation for part in parts for deformation in part["deformations"]],
         ambient=_first(scene.ambient for scene in scenes),
+        medium=_first(scene.medium for scene in scenes),
         environment=_first(scene.environment for scene in scenes),
         ev100=_first(scene.ev100 for scene in scenes),
         warnings=list(dict.fromkeys(text for scene in scenes for text in scene.warnings)),

@@ -28,6 +28,13 @@ vec3 froxel_sample(ivec3 froxel) {
     return view_from_volume(froxel_uv(froxel), depth, frame.steady_clip_from_view);
 }
 
+// The largest light per metre: a dense medium sends more of it than a colour can hold.
+#ifdef FOG_FULL
+const float LARGEST_LIGHT = 1e30;
+#else
+const float LARGEST_LIGHT = 65504.0;
+#endif
+
 // What is stored: devices round to halves in different ways, and a history that is cut each time would grow darker.
 vec4 stored(vec4 value) {
 #ifdef FOG_FULL

@@ -6,7 +6,6 @@
 #include "shadows/factor.glsl"
 #include "medium.glsl"
 #include "phase.glsl"
-#include "finite.glsl"
 #include "grid.glsl"
 
 layout(BIND(1, 0, 3)) uniform sampler3D fog_medium;
@@ -94,5 +93,7 @@ void main() {
         }
 #endif
     }
-    imageStore(fog_light, froxel, stored(vec4(finite_color(medium.rgb * light), medium.a)));
+    light *= medium.rgb;
+    light = clamp(mix(light, vec3(0.0), isnan(light)), 0.0, LARGEST_LIGHT);
+    imageStore(fog_light, froxel, stored(vec4(light, medium.a)));
 }

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,7 @@ from common.scene import (
     SceneCamera,
     TextureRef,
 )
+from common.scene.medium import medium_of
 
 Add = Callable[[np.ndarray[Any, Any]], int]
 """Stores an array and returns its number."""
@@ -101,6 +103,7 @@ def take_apart(scene: Scene, add: Add) -> str:
             for it in scene.deformations
         ],
         "ambient": scene.ambient,
+        "medium": None if scene.medium is None else asdict(scene.medium),
         "ev100": scene.ev100,
         "warnings": scene.warnings,
     }
@@ -170,6 +173,7 @@ def put_together(text: str, get: Get, images: list[Image], path: Path) -> Scene:
             for of, owner, flat, arrays in value["deformations"]
         ],
         ambient=value["ambient"],
+        medium=medium_of({"fog": value["medium"]}),
         ev100=value["ev100"],
         warnings=value["warnings"],
     )
