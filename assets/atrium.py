@@ -32,8 +32,9 @@ from assets.shapes import Float64, Mesh, box, join, sphere, surface, tube
 
 SUN_LUX, SUN_DIRECTION, SUN_COLOR = 3000.0, (0.42, -0.84, 0.34), (1.0, 0.85, 0.64)
 AMBIENT_NITS = 180.0
-FOG = {"extinction": 0.03, "albedo": (0.95, 0.95, 0.95)}
+FOG = {"extinction": 0.06, "albedo": (0.95, 0.95, 0.95)}
 """The haze of `atrium:fog`, per metre: where the sun comes in between roofs and arches, its way is seen."""
+FOG_AMBIENT_NITS, FOG_EV100 = 30.0, 8.3
 LANTERN_CANDELA, LANTERN_COLOR, LANTERN_REACH = 700.0, (1.0, 0.62, 0.28), 7.0
 EV100 = 9.3
 LOOP_S = 12.0  # seconds until everything that moves is where it was
@@ -70,9 +71,9 @@ def build(size: str = "medium") -> GltfBuilder:
     _plants(scene, material, detail, nodes)
     _glass(scene, material, nodes)
     add_outside(scene, material)
-    _lights_and_cameras(scene)
+    _lights_and_cameras(scene, size == "fog")
     scene.add_animation("evening_breeze", moving)
-    extras = {"ambient": AMBIENT_NITS} | ({"fog": FOG} if size == "fog" else {})
+    extras = {"ambient": FOG_AMBIENT_NITS, "fog": FOG} if size == "fog" else {"ambient": AMBIENT_NITS}
     scene.gltf.scenes[0].extras = {"strata": extras}
     return scene
 
@@ -280,7 +281,7 @@ def _lunette() -> Mesh:
     return surface(points, uv, normals).without_tangents()
 
 
-def _lights_and_cameras(scene: GltfBuilder) -> None:
+def _lights_and_cameras(scene: GltfBuilder, fog: bool) -> None:
     """Add the sun, two spots and the named cameras, the first of them the one that people see first."""
     sun = look_at((0, 0, 0), SUN_DIRECTION)
     scene.add_light("sun", "directional", SUN_COLOR, SUN_LUX, translation=(0, 12, 0), rotation=sun)
@@ -316,6 +317,8 @@ def _lights_and_cameras(scene: GltfBuilder) -> None:
         "portal": ((2.6, 1.7, -0.3), (8.4, 2.2, 0.1), 52.0, EV100),
         "roof": ((-9.0, 17.0, 8.0), (0.4, 1.5, 0.3), 40.0, EV100),
     }
+    if fog:  # against the sun, towards which haze sends most of the light
+        views = {"shafts": ((7.5, 1.6, 0.5), (-3.0, 3.5, -2.5), 57.0, FOG_EV100)} | views
     group = scene.add_node("cameras")
     for name, (eye, target, yfov, ev100) in views.items():
         scene.add_camera(name, eye, target, yfov, ev100, parent=group)
