@@ -142,7 +142,7 @@ class Settings(Grouped):
         "rate_policy rate_coarse rate_threshold rate_surface rate_fragments rate_radius rate_tint "
         "fog fog_density fog_height fog_falloff fog_albedo fog_anisotropy "
         "fog_noise fog_noise_size fog_noise_period fog_wind fog_near fog_far fog_columns fog_rows fog_slices fog_format "
-        "fog_spatial fog_temporal fog_share fog_half fog_half_tolerance "
+        "fog_spatial fog_temporal fog_share fog_dither fog_half fog_half_tolerance "
         "skip_unused"
     )
 

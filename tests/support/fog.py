@@ -30,6 +30,7 @@ FULL: dict[str, Any] = {
     "fog_anisotropy": 0.6,
     "fog_spatial": False,
     "fog_temporal": False,
+    "fog_dither": False,
     "fog_near": 0.03,
     "fog_far": 2.0,
 }

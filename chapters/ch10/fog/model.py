@@ -75,6 +75,11 @@ def needed(scene: Scene, settings: Any) -> bool:
     return any(value > 0.0 for value in extinctions)
 
 
+def in_use(scene: Scene, settings: Any) -> bool:
+    """Whether frames have froxels: a view of slices shows their places alone."""
+    return needed(scene, settings) and settings.shading.view != VIEWS[0]
+
+
 def check(scene: Scene, settings: Any) -> None:
     """Raise UserError for a medium or a grid that there cannot be."""
     knobs = settings.fog

@@ -6,6 +6,7 @@
     fog_spatial    fog_light -> fog_smooth
     fog_temporal   fog_smooth, the history of the frame before -> history_fog
     fog_integrate  the sum along each column -> records in the store, which surfaces read
+    fog_half       the fog before each second pixel in each second row -> the store
 
 The volumes are 3D images of the frame graph, so fog_smooth may lie where fog_medium was, and the history swaps its two
 images. The store is memory of the technique: shaders of the scene bind it with the rest of what they see.
@@ -20,15 +21,21 @@ from backends.contract import Access, Pass
 from common.scene import Scene
 
 from ..frames.commands import Commands
+from ..graph.file import graph_path, read_graph
+from ..graph.plan import graph_name
 from ..graph.types import External, Touch
 from ..pipelines.compute_description import ComputeDescription
 from ..scene.data import BEHIND_SCENE
 from ..scene.pass_parts import PassParts
 from ..settings import Settings
+from ..page_table.memory import NEEDS_OF_FOG
+from ..shadows import model as shadows
 from . import model
 
-NOISE, RECORDS = "fog_noise", "fog_records"
-"""Parts of the store in the graph."""
+NOISE, READ, RECORDS, PIXELS = "fog_noise", "fog_store", "fog_records", "fog_pixels"
+"""The store in the graph, by the passes that write it: one memory, so what writes a part waits for readers of others.
+
+READ is the store while froxels read blue noise and the noise of the medium; fog_inject hands it on as it is."""
 
 HISTORY = "history_fog"
 
@@ -47,6 +54,8 @@ class FogPass(Pass):
     shader: str
     result: str
     """The volume that the pass writes."""
+    samples = False
+    """Whether froxels take their samples at random depths."""
 
     def __init__(self, parts: PassParts) -> None:
         self._settings, self._pipelines, self._draws = parts.settings, parts.pipelines, parts.draws
@@ -73,13 +82,13 @@ class FogPass(Pass):
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
         """Whether there is a medium whose light is shown."""
-        return model.needed(scene, settings) and settings.shading.view != "fog-slices"
+        return model.in_use(scene, settings)
 
     def defines(self) -> model.Defines:
         """Return the defines of the kernel."""
         knobs = self._settings.fog
         noise = (("NOISE_SIZE", knobs.fog_noise_size),) if model.noise_in_use(self._settings) else ()
-        jitter = (("JITTER", 1),) if knobs.fog_temporal else ()
+        jitter = (("JITTER", 1),) if self.samples and knobs.fog_temporal else ()
         lit = (("LIT", 1),) if self._data.lit else ()
         return (("FORMAT", knobs.fog_format), *noise, *jitter, *lit)
 
@@ -140,18 +149,33 @@ class InjectPass(FogPass):
     """Writes the medium into the froxels."""
 
     name, shader, result = "fog_inject", "fog/inject.comp", "fog_medium"
+    samples = True
 
     def __init__(self, parts: PassParts) -> None:
         super().__init__(parts)
-        if model.noise_in_use(parts.settings):
-            self.reads = (Access(NOISE, "storage"),)
+        noise = NOISE if model.noise_in_use(parts.settings) else ""
+        self.writes = (*self.writes, Access(READ, "storage", bytes=4, of=noise))
+        self.externals = {} if noise else {READ: External(None, None, _READ, bytes=4)}
 
 
 class ScatterPass(FogPass):
     """Finds the light that each froxel sends to the eye."""
 
     name, shader, result = "fog_scatter", "fog/scatter.comp", "fog_light"
-    reads = (Access("fog_medium", "sampled"),)
+    samples = True
+    reads = (Access("fog_medium", "sampled"), Access(READ, "storage"))
+
+    def __init__(self, parts: PassParts) -> None:
+        super().__init__(parts)
+        self.reports = shadows.by_need(parts.settings) and shadows.needed(parts.scene, parts.settings)
+        """Whether froxels say which pages of shadows they read."""
+        if self.reports:
+            size = 4 * parts.data.shadow_places.report_words
+            self.writes = (*self.writes, Access(NEEDS_OF_FOG, "storage", bytes=size))
+
+    def defines(self) -> model.Defines:
+        """Return the defines of the kernel."""
+        return (*super().defines(), *((("REPORTS", 1),) if self.reports else ()))
 
 
 class SpatialPass(FogPass):
@@ -191,8 +215,7 @@ class IntegratePass(FogPass):
     reads = (Access(HISTORY, "sampled"),)
 
     def _volume(self, instead: str = "") -> None:
-        self.writes = (Access(RECORDS, "storage", bytes=4),)
-        self.externals = {RECORDS: External(None, None, _READ, bytes=4)}
+        self.writes = (Access(RECORDS, "storage", bytes=4, of=READ),)
 
     def extent(self) -> tuple[int, int, int]:
         """Return an invocation for each column."""
@@ -200,10 +223,37 @@ class IntegratePass(FogPass):
         return columns, rows, 1
 
 
-FOG_PASSES = (NoisePass, InjectPass, ScatterPass, SpatialPass, TemporalPass, IntegratePass)
+class HalfPass(FogPass):
+    """Looks up the fog of each second pixel in each second row, for the pass that lights surfaces of a G-buffer."""
+
+    name, shader = "fog_half", "fog/half.comp"
+    reads = (Access("depth", "sampled"),)
+    size = (1, 1)
+    """The size of the picture."""
+
+    def _volume(self, instead: str = "") -> None:
+        self.writes = (Access(PIXELS, "storage", bytes=4, of=RECORDS),)
+
+    @staticmethod
+    def needed(scene: Scene, settings: Settings) -> bool:
+        """Whether the settings ask for it, and the depth of all surfaces is known before they are lit."""
+        in_use = FogPass.needed(scene, settings) and model.half_in_use(settings)
+        return in_use and "gbuffer" in read_graph(graph_path(graph_name(settings))).passes.values()
+
+    def extent(self) -> tuple[int, int, int]:
+        """Return an invocation for four pixels."""
+        width, height = self.size
+        return -(-width // 2), -(-height // 2), 1
+
+    def key(self, slot: int) -> Any:
+        """Return what the recording depends on."""
+        return self.in_view, self.size
 
 
-def read_records(passes: Collection[Pass]) -> None:
-    """Declare in the passes that show surfaces that they read the records of fog."""
+FOG_PASSES = (NoisePass, InjectPass, ScatterPass, SpatialPass, TemporalPass, IntegratePass, HalfPass)
+
+
+def read_fog(passes: Collection[Pass]) -> None:
+    """Declare in the passes that show surfaces that they read the store."""
     for gpu_pass in passes:
-        gpu_pass.reads = (*gpu_pass.reads, Access(RECORDS, "storage"))
+        gpu_pass.reads = (*gpu_pass.reads, Access(PIXELS, "storage"))

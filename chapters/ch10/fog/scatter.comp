@@ -10,6 +10,10 @@
 
 layout(BIND(1, 0, 3)) uniform sampler3D fog_medium;
 layout(BIND(1, 1, 0), FORMAT) uniform writeonly image3D fog_light;
+#ifdef REPORTS
+#define NEEDS_BINDING 2
+#include "page_table/report.glsl"
+#endif
 
 // The optical depth between two points, in closed form. Noise counts by its mean, which is 1.
 float optical_depth(vec3 start, vec3 end) {
@@ -48,6 +52,44 @@ float sees_light(uint light, vec3 position, vec3 to_light) {
 #endif
 }
 
+#ifdef REPORTS
+// Reports the tiles that a froxel reads, as surfaces do (page_table/need.comp), and a resolution at which it has a texel.
+void report_use(uint light, vec3 position, float radius) {
+    uint word = shadow_of[light], count = word >> 24;
+    int face = int(word & 0xffffffu) - 1;
+    if (word == 0u) {
+        return;
+    }
+    ShadowFace seen;
+    if (lights[light].kind == LIGHT_DIRECTIONAL) {
+        int end = face + int(count) - 1;  // but for the coarse one
+        while (face < end && !covers(shadow_faces[face], position)) {
+            face += 1;
+        }
+        if (face == end) {
+            return;
+        }
+        seen = shadow_faces[face];
+    } else {
+        vec3 away = position - shadow_faces[face + SHADOW_COARSE].origin.xyz;
+        float s = radius * radius / max(dot(away, away), 1e-30);  // the sine of half the froxel's angle, squared
+        float solid_angle = 2.0 * PI * s / (1.0 + sqrt(max(1.0 - s, 0.0)));
+        need_resolution(lamp_of(face), sqrt(4.0 * PI / (6.0 * max(solid_angle, 1e-30))));
+        face += count == 6u ? int(cube_face(away)) : 0;
+        seen = shadow_faces[face];
+        if (seen.place.z == 0u) {
+            seen = shadow_faces[face + SHADOW_COARSE];
+        }
+    }
+    vec3 p = in_face(seen, position);
+    if (p.z > seen.origin.w) {
+        vec2 texel = texel_of(seen, p);
+        float size = float(seen.place.z);
+        need_tiles(face, (texel - seen.ends.y - 2.0) / size, (texel + seen.ends.y + 2.0) / size);
+    }
+}
+#endif
+
 // `leaving` is the direction to the eye, `radius` half the froxel: nearer lights are not told apart, and 1/r^2 is finite.
 vec3 light_of(uint number, vec3 position, vec3 leaving, float radius) {
     Light light = lights[number];
@@ -57,6 +99,11 @@ vec3 light_of(uint number, vec3 position, vec3 leaving, float radius) {
     if (!(max(received.r, max(received.g, received.b)) > 0.0)) {
         return vec3(0.0);
     }
+#ifdef REPORTS
+    if (shadow_asks[2].x != 0u) {  // the frame tells its report to the CPU
+        report_use(number, position, radius);
+    }
+#endif
     float visible = sees_light(number, position, to_light);
     if (visible == 0.0) {
         return vec3(0.0);

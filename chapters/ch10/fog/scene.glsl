@@ -20,8 +20,9 @@ layout(BIND(0, 13, 13), std140) uniform Fog_ {
     vec4 wind;      // xyz: shift of the noise in periods
     vec4 bounds;    // xyz: half the size of the scene, where the medium ends for light from the sun; w: half resolution's tolerance
     vec4 ambient;   // rgb: mean radiance of the environment, nits
-    vec4 history;   // x: share of the current frame
-    uvec4 frame;    // x: number for blue noise, y: 1 if nothing has changed since the frame before, z: 1 if fog is in view
+    vec4 history;   // x: share of the current frame; y: amplitude of the dither, in parts of the code of sRGB
+    uvec4 frame;    // x: number for blue noise, y: 1 if nothing has changed since the frame before, z: 1 if fog is in view, w: and if it was in
+                    // the frame before
     uvec4 places;   // in the store: x: the first word of noise, y: of froxels, z: of half-resolution pixels; w: pixels in their rows
     FogBox boxes[FOG_BOXES];
 } fog;

@@ -73,6 +73,9 @@ class FogSettings:
     fog_share: float = knob(
         0.1, "weight of the current frame in a history, while something moves", minimum=0.001, maximum=1
     )
+    fog_dither: bool = knob(
+        True, "whether what is seen through fog has noise of a step of 8 bits, which hides bands"
+    )
     fog_half: bool = knob(
         False, "whether fog is looked up at half the resolution where surfaces are lit from a G-buffer"
     )

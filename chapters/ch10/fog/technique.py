@@ -16,7 +16,7 @@ from ..scene.pass_parts import PassParts
 from ..settings import Settings
 from . import model
 from .memory import BLOCK, FogMemory
-from .passes import FOG_PASSES, LIT, FogPass, NoisePass, read_records
+from .passes import FOG_PASSES, LIT, FogPass, HalfPass, NoisePass, read_fog
 
 
 class FogTechnique(Technique):
@@ -38,7 +38,7 @@ class FogTechnique(Technique):
         self._age = self._still = 0
         self._state: Any = None
         self._size: tuple[int, int] | None = None
-        self._noise_sent = False
+        self._noise_sent = self._visible = False
 
     def create(self, parts: PassParts, backend: Backend, passes: Mapping[str, Pass]) -> None:
         """Make the passes, and the memory, which becomes a part of the scene's bindings."""
@@ -48,7 +48,7 @@ class FogTechnique(Technique):
         if not model.needed(parts.scene, parts.settings):
             return
         if FogPass.needed(parts.scene, parts.settings):
-            read_records([gpu_pass for name, gpu_pass in passes.items() if name in LIT])
+            read_fog([gpu_pass for name, gpu_pass in passes.items() if name in LIT])
         self._medium = model.medium_of(parts.scene, self._knobs)
         self._memory = parts.data.fog = backend.part(__package__).FogMemory(backend)
         self._block = self._fixed_block()
@@ -69,6 +69,7 @@ class FogTechnique(Technique):
         block["shape"] = base, medium.height_falloff, knobs.fog_noise, periods
         block["bounds"][:3] = (scene.bounds[1] - scene.bounds[0]) / 2
         block["bounds"][3] = knobs.fog_half_tolerance
+        block["history"][1] = knobs.fog_dither / 255
         for record, box in zip(block["boxes"], medium.boxes, strict=False):
             record["center"] = *(np.array(box.center) - scene.origin), box.extinction
             record["half_size"][:3], record["albedo"][:3] = box.half_size, box.albedo
@@ -88,6 +89,8 @@ class FogTechnique(Technique):
             self._show_store(frame)
         if self._noise_sent:
             self._noise.due = False
+        half = self._half
+        half.size, looked_up = frame.size, half in frame.passes
         width, height = frame.size
         block, wind = self._block, self._wind(frame.time)
         state = frame.view, self._moment(frame.time), wind, dict(self.scene.revision)
@@ -98,8 +101,10 @@ class FogTechnique(Technique):
             own.in_view = visible
         block["wind"][:3] = wind
         block["history"][0] = self._share()
-        block["frame"][:3] = self._age & 255, self._still > 0, visible
-        self._age += 1
+        block["frame"] = self._age & 255, self._still > 0, visible, self._visible
+        block["places"][3] = -(-width // 2) if looked_up else 0
+        self._visible = visible
+        self._age = self._age + 1 if visible else 0
         self._noise_sent = self._noise.due and visible
         return self._memory.write(frame.slot, block)
 
@@ -109,7 +114,7 @@ class FogTechnique(Technique):
         model.check_device(self._parts.settings, self._backend.device.capabilities.limits, size)
         places = model.places_of(self._parts.settings, size)
         self._memory.make(places.words)
-        self._block["places"] = places.noise, places.froxels, places.pixels, places.columns
+        self._block["places"] = places.noise, places.froxels, places.pixels, 0
         self._size, self._noise.due, self._noise_sent = size, True, False
 
     def _show_store(self, frame: FrameInfo) -> None:
@@ -125,6 +130,12 @@ class FogTechnique(Technique):
         noise = self.passes["fog_noise"]
         assert isinstance(noise, NoisePass), noise
         return noise
+
+    @property
+    def _half(self) -> HalfPass:
+        half = self.passes["fog_half"]
+        assert isinstance(half, HalfPass), half
+        return half
 
     def _share(self) -> float:
         """Return the share of this frame in the history."""

@@ -41,7 +41,7 @@ void main() {
         return;
     }
     vec4 current = texelFetch(fog_now, froxel, 0), blended = current;
-    if ((frame.valid_histories & HISTORY_FOG) != 0u) {
+    if ((frame.valid_histories & HISTORY_FOG) != 0u && fog.frame.w != 0u) {
         bool still = fog.frame.y != 0u;  // no place to compute, and no rounding of it
         vec3 uvw = still ? vec3(0.5) : place_before(froxel);
         if (all(greaterThanEqual(uvw, vec3(0.0))) && all(lessThanEqual(uvw, vec3(1.0)))) {

@@ -19,6 +19,9 @@ from .pool import TilePool
 NEEDS = ("shadow_needs", "shadow_needs_boxes", "shadow_needs_told")
 """The names of the report, by the passes that write it."""
 
+NEEDS_OF_FOG = "shadow_needs_fog"
+"""The name of the report where froxels write it first (fog/scatter.comp)."""
+
 TOLD = "shadow_told"
 """The name of the CPU's copy."""
 
@@ -69,7 +72,7 @@ class ReportMemory:
         self._clear(needs)
         self._told = [self._create(words, "readback", f"{TOLD}, slot {slot}") for slot in range(SLOTS)]
         for resources, told in zip(backend.copies.also, self._told, strict=True):
-            resources |= {NEEDS[0]: needs, TOLD: told}
+            resources |= {NEEDS[0]: needs, NEEDS_OF_FOG: needs, TOLD: told}
         self._reports = [False] * SLOTS
 
     def read(self, slot: int) -> NDArray[np.uint32] | None:

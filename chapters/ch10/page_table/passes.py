@@ -10,6 +10,7 @@ from typing import Any
 from backends.contract import Access, Pass
 from common.scene import Scene
 
+from ..fog.model import in_use as froxels_report
 from ..frames.dispatches import group_count
 from ..graph.types import External, Touch
 from ..pipelines.compute_description import ComputeDescription
@@ -20,7 +21,7 @@ from ..shading import views
 from ..shading.deferred import has_transparent
 from ..shadows import model
 from .lamps import MOST
-from .memory import NEEDS, TOLD, ReportMemory
+from .memory import NEEDS, NEEDS_OF_FOG, TOLD, ReportMemory
 
 _STORED = Touch("", frozenset({"compute"}), frozenset({"storage_read", "storage_write"}), writes=True)
 _HOST_IDLE = Touch("", frozenset(), frozenset())
@@ -49,8 +50,9 @@ class NeedPass(Pass):
         samples = self._settings.shading.msaa
         self._samples = (("SAMPLES", samples),) if samples > 1 else ()
         self.reads = (Access(views.depth_target(self._settings), "sampled", samples=samples),)
-        self.writes = (Access(NEEDS[0], "storage", bytes=self._bytes),)
-        self.externals = {NEEDS[0]: External(None, None, _STORED, bytes=self._bytes)}
+        before = NEEDS_OF_FOG if froxels_report(self._scene, self._settings) else ""
+        self.writes = (Access(NEEDS[0], "storage", bytes=self._bytes, of=before),)
+        self.externals = {before or NEEDS[0]: External(None, None, _STORED, bytes=self._bytes)}
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:

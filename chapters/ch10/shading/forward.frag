@@ -172,9 +172,9 @@ void main() {
 #elif defined(GBUFFER)
     store_unlit(base.rgb);
 #elif defined(LAYERS)
-    store_layer(finite_color(fog_over(color, in_position)), base.a);
+    store_layer(finite_color(fog_over(color, in_position, ivec2(gl_FragCoord.xy))), base.a);
 #else
-    out_color = vec4(finite_color(fog_over(color, in_position)), base.a);
+    out_color = vec4(finite_color(fog_over(color, in_position, ivec2(gl_FragCoord.xy))), base.a);
 #endif
 #endif
 #endif

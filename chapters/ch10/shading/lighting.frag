@@ -106,5 +106,5 @@ void main() {
 #ifdef EMISSION
     color += texelFetch(gbuffer_emissive, pixel, 0).rgb;
 #endif
-    out_color = vec4(finite_color(fog_over(color, position_of(pixel, d))), 1.0);
+    out_color = vec4(finite_color(fog_over_half(color, position_of(pixel, d), pixel)), 1.0);
 }

@@ -24,6 +24,8 @@
 #define VIEW_RESIDENCY 18
 #define VIEW_SHADOW_RESOLUTION 19
 #define VIEW_REDRAWN_PAGES 20
+#define VIEW_FOG_SLICES 21
+#define VIEW_FOG_TRANSMITTANCE 22
 
 #if VIEW != VIEW_NON_FINITE
 #define VIEW_OF_SURFACE  // nothing is lit
@@ -131,6 +133,10 @@ vec3 shown_survivor() {
 }
 #endif
 
+#if VIEW == VIEW_FOG_SLICES || VIEW == VIEW_FOG_TRANSMITTANCE
+#include "fog/views.glsl"
+#endif
+
 #if VIEW == VIEW_NON_FINITE
 // Magenta where something of the surface or its `light` is no number, else the picture at a quarter of its light.
 vec3 shown_non_finite(Material material, vec4 base, vec3 light) {
@@ -179,6 +185,10 @@ vec3 shown(Material material, vec3 base, vec3 to_eye) {
     return shown_cascade();
 #elif VIEW >= VIEW_RESIDENCY && VIEW <= VIEW_REDRAWN_PAGES
     return shown_map();
+#elif VIEW == VIEW_FOG_SLICES
+    return shown_slice();
+#elif VIEW == VIEW_FOG_TRANSMITTANCE
+    return shown_transmittance();
 #elif VIEW == VIEW_MESHLETS
     return shown_meshlet();
 #elif VIEW == VIEW_SURVIVORS

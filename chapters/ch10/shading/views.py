@@ -135,6 +135,16 @@ VIEWS = (
         ("SHADED", "LIT"),
     ),
     *(Quantity(name, sentence, "value", ("SHADED", "LIT")) for name, sentence in SHADOWS.items()),
+    Quantity(
+        "fog-slices",
+        "The slice of the grid of froxels that holds the surface: each one in a colour of its own; grey without fog.",
+        "value",
+    ),
+    Quantity(
+        "fog-transmittance",
+        "The part of a surface's light that the medium lets through: white is all of it.",
+        "value",
+    ),
 )
 """The quantities that a view can show. A new view goes to the end: numbers are part of compiled shaders."""
 
