@@ -16,8 +16,8 @@ class FogMemory(_FogMemory):
     def _create_block(self, name: str) -> Buffer:
         return create_buffer(self._backend.device, BLOCK.itemsize, "upload", name)
 
-    def _create_store(self, size: int, beginning: np.ndarray) -> Buffer:
-        buffer = create_buffer(self._backend.device, size, "device", "fog store")
+    def _create_buffer(self, size: int, beginning: np.ndarray, name: str) -> Buffer:
+        buffer = create_buffer(self._backend.device, size, "device", name)
         write_buffer(self._backend.device, buffer, beginning)
         return buffer
 
@@ -29,6 +29,6 @@ class FogMemory(_FogMemory):
     def close(self) -> None:
         """Free everything."""
         super().close()
-        for buffer in self.blocks:
+        for buffer in (*self.blocks, *([] if self.tables is None else [self.tables])):
             destroy_buffer(self._backend.device, buffer)
-        self.blocks = []
+        self.blocks, self.tables = [], None

@@ -7,6 +7,10 @@
 
 layout(local_size_x = 8, local_size_y = 8) in;
 
+#ifdef TABLES_BINDING
+layout(BIND(1, TABLES_BINDING, 4), std430) readonly buffer Fog_tables_ { uint fog_tables[]; };
+#endif
+
 bool is_froxel(ivec3 froxel) { return all(lessThan(froxel, ivec3(fog.size.xyz))); }
 
 vec2 froxel_uv(ivec3 froxel) { return (vec2(froxel.xy) + 0.5) / vec2(fog.size.xy); }
@@ -15,8 +19,7 @@ vec2 froxel_uv(ivec3 froxel) { return (vec2(froxel.xy) + 0.5) / vec2(fog.size.xy
 float froxel_part(ivec3 froxel) {
 #ifdef JITTER
     uint texel = uint(froxel.y & 127) << 7 | uint(froxel.x & 127);
-    uint ranks = fog_store[texel >> 2][texel & 3u];
-    return animated_rank(ranks & 0xffffu, fog.frame.x + uint(froxel.z));
+    return animated_rank(fog_tables[texel] & 0xffffu, fog.frame.x + uint(froxel.z));
 #else
     return 0.5;
 #endif

@@ -4,10 +4,11 @@
 #include "medium.glsl"
 #include "grid.glsl"
 #ifdef NOISE_SIZE
+#define FROXELS
 #include "fog/noise.glsl"
 #endif
 
-layout(BIND(1, 0, 0), FORMAT) uniform writeonly image3D fog_medium;
+layout(BIND(1, RESULT_BINDING, 0), FORMAT) uniform writeonly image3D fog_medium;
 
 void main() {
     ivec3 froxel = ivec3(gl_GlobalInvocationID);

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..frames.frame import SLOTS
 from . import model
+from .passes import TABLES
 
 BOX = np.dtype([("center", np.float32, 4), ("half_size", np.float32, 4), ("albedo", np.float32, 4)])
 
@@ -34,17 +35,23 @@ BLOCK = np.dtype(
 class FogMemory:
     """Blocks and store. `blocks` and `store` are part of the scene's set of bindings."""
 
-    def __init__(self, backend: Any) -> None:
+    def __init__(self, backend: Any, table_bytes: int) -> None:
         self._backend = backend
         self.blocks = [self._create_block(f"fog, slot {slot}") for slot in range(SLOTS)]
         self._written: list[bytes] = [b""] * SLOTS
         self.store: Any = None
         """The store, once the size of the picture is known."""
+        self.tables: Any = None
+        """Blue noise and noise, as froxels read them."""
+        if table_bytes:
+            self.tables = self._create_buffer(table_bytes, model.ranks(), "fog tables")
+            for resources in backend.copies.also:
+                resources[TABLES] = self.tables
 
     def make(self, words: int) -> None:
         """Create the store of so many words, with blue noise at its beginning."""
         self._free_store()
-        self.store = self._create_store(words * model.WORD_BYTES, model.ranks())
+        self.store = self._create_buffer(words * model.WORD_BYTES, model.ranks(), "fog store")
 
     def write(self, slot: int, block: np.ndarray) -> int:
         """Write the block of a slot, if it is another one; return the bytes written."""
@@ -63,7 +70,7 @@ class FogMemory:
         """Return a buffer that the CPU writes and shaders read."""
         raise NotImplementedError
 
-    def _create_store(self, size: int, beginning: np.ndarray) -> Any:
+    def _create_buffer(self, size: int, beginning: np.ndarray, name: str) -> Any:
         """Return a buffer of the device with this content at its beginning."""
         raise NotImplementedError
 

@@ -149,9 +149,8 @@ def half_in_use(settings: Any) -> bool:
 
 @dataclass(frozen=True)
 class Places:
-    """The places of parts of the store, in words: ranks of blue noise, noise, records of froxels, pixels of fog."""
+    """The places of parts of the store, in words, behind ranks of blue noise: records of froxels, pixels of fog."""
 
-    noise: int
     froxels: int
     pixels: int
     columns: int
@@ -161,15 +160,25 @@ class Places:
 def places_of(settings: Any, size: tuple[int, int]) -> Places:
     """Return the layout of the store, for a picture of (width, height)."""
     knobs = settings.fog
-    noise = blue_noise.SIZE**2 // 4
-    froxels = noise + (knobs.fog_noise_size**3 // 8 if noise_in_use(settings) else 0)
+    froxels = blue_noise.SIZE**2 // 4
     pixels = froxels + math.prod(grid_of(knobs)) * (2 if knobs.fog_format == "rgba32f" else 1)
     columns, rows = (-(-side // 2) for side in size) if half_in_use(settings) else (0, 0)
-    return Places(noise, froxels, pixels, columns, pixels + columns * rows)
+    return Places(froxels, pixels, columns, pixels + columns * rows)
+
+
+def tables_in_use(settings: Any) -> bool:
+    """Whether froxels read blue noise, or noise."""
+    return bool(settings.fog.fog_temporal) or noise_in_use(settings)
+
+
+def table_bytes(settings: Any) -> int:
+    """Return the bytes of the tables: ranks of blue noise, then a volume of halves."""
+    noise = 2 * settings.fog.fog_noise_size**3 if noise_in_use(settings) else 0
+    return int(4 * blue_noise.SIZE**2 + noise)
 
 
 def ranks() -> NDArray[np.uint32]:
-    """Return the beginning of the store: for each texel of blue noise two ranks of 16 bits."""
+    """Return the beginning of the store and of the tables: for each texel of blue noise two ranks of 16 bits."""
     table = blue_noise.ranks().astype(np.uint32)
     words: NDArray[np.uint32] = (table[..., 0] | table[..., 1] << np.uint32(16)).reshape(-1)
     return words

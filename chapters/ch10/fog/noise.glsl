@@ -1,5 +1,7 @@
-// The noise of the medium: a volume of NOISE_SIZE^3 halves in the store, made once. It repeats in all axes, and wind shifts
+// The noise of the medium: a volume of NOISE_SIZE^3 halves, made once, behind the ranks of blue noise in the tables. It repeats in all axes, and wind shifts
 // it. Its mean is one half, so that the factor of the medium has the mean 1.
+
+const uint NOISE_PLACE = 128u * 128u;
 
 uint noise_index(ivec3 texel) {
     uvec3 wrapped = uvec3(texel) & uint(NOISE_SIZE - 1);
@@ -8,7 +10,7 @@ uint noise_index(ivec3 texel) {
 
 float noise_texel(ivec3 texel) {
     uint index = noise_index(texel);
-    vec2 pair = unpackHalf2x16(fog_store[fog.places.x + (index >> 3)][(index >> 1) & 3u]);
+    vec2 pair = unpackHalf2x16(fog_tables[NOISE_PLACE + (index >> 1)]);
     return (index & 1u) == 0u ? pair.x : pair.y;
 }
 
@@ -23,8 +25,10 @@ float noise_at(vec3 periods) {
     return sum;
 }
 
+#ifdef FROXELS  // of a frame
 // What is at a point was upwind before.
 float noise_factor(vec3 position) {
     float noise = noise_at(position * fog.shape.w - fog.wind.xyz);
     return max(1.0 + fog.shape.z * (2.0 * noise - 1.0), 0.0);
 }
+#endif

@@ -1,6 +1,6 @@
 """The passes of fog, before the passes that light surfaces.
 
-    fog_noise      the noise of the medium, once -> the store
+    fog_noise      the noise of the medium, once -> fog_tables
     fog_inject     the medium -> fog_medium
     fog_scatter    fog_medium, lights and their shadows -> fog_light
     fog_spatial    fog_light -> fog_smooth
@@ -9,7 +9,7 @@
     fog_half       the fog before each second pixel in each second row -> the store
 
 The volumes are 3D images of the frame graph, so fog_smooth may lie where fog_medium was, and the history swaps its two
-images. The store is memory of the technique: shaders of the scene bind it with the rest of what they see.
+images. Tables and store are memory of the technique. Shaders of the scene bind the store with the rest of what they see.
 """
 
 from __future__ import annotations
@@ -17,10 +17,11 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import Any
 
-from backends.contract import Access, Pass
+from backends.contract import Access, Pass, Sources
 from common.scene import Scene
 
 from ..frames.commands import Commands
+from ..graph.execute.bindings import OWNED
 from ..graph.file import graph_path, read_graph
 from ..graph.plan import graph_name
 from ..graph.types import External, Touch
@@ -32,10 +33,11 @@ from ..page_table.memory import NEEDS_OF_FOG
 from ..shadows import model as shadows
 from . import model
 
-NOISE, READ, RECORDS, PIXELS = "fog_noise", "fog_store", "fog_records", "fog_pixels"
-"""The store in the graph, by the passes that write it: one memory, so what writes a part waits for readers of others.
+TABLES = "fog_tables"
+"""Blue noise and the noise of the medium, as froxels read them."""
 
-READ is the store while froxels read blue noise and the noise of the medium; fog_inject hands it on as it is."""
+RECORDS, PIXELS = "fog_records", "fog_pixels"
+"""The store in the graph, by the passes that write it."""
 
 HISTORY = "history_fog"
 
@@ -86,11 +88,13 @@ class FogPass(Pass):
 
     def defines(self) -> model.Defines:
         """Return the defines of the kernel."""
-        knobs = self._settings.fog
-        noise = (("NOISE_SIZE", knobs.fog_noise_size),) if model.noise_in_use(self._settings) else ()
-        jitter = (("JITTER", 1),) if self.samples and knobs.fog_temporal else ()
+        settings, bound = self._settings, [access.resource for access in self.reads]
+        noise = (("NOISE_SIZE", settings.fog.fog_noise_size),) if model.noise_in_use(settings) else ()
+        jitter = (("JITTER", 1),) if self.samples and settings.fog.fog_temporal else ()
         lit = (("LIT", 1),) if self._data.lit else ()
-        return (("FORMAT", knobs.fog_format), *noise, *jitter, *lit)
+        tables = (("TABLES_BINDING", bound.index(TABLES)),) if TABLES in bound else ()
+        result = ("RESULT_BINDING", sum(it.use == "sampled" or it.resource == TABLES for it in self.reads))
+        return (("FORMAT", settings.fog.fog_format), *noise, *jitter, *lit, *tables, result)
 
     def create(self) -> None:
         """Build the pipeline."""
@@ -115,15 +119,16 @@ class FogPass(Pass):
 
 
 class NoisePass(FogPass):
-    """Makes the noise, in the first frame of a store."""
+    """Makes the noise, in the first frame."""
 
     name, shader = "fog_noise", "fog/noise.comp"
+    sources = Sources(first={"storage": 4})
     due = True
-    """Whether the store has no noise yet."""
+    """Whether there is no noise yet."""
 
     def _volume(self, instead: str = "") -> None:
-        self.writes = (Access(NOISE, "storage", bytes=4),)
-        self.externals = {NOISE: External(None, None, _READ, bytes=4)}
+        self.writes = (_tables(self._settings),)
+        self.externals = {TABLES: External(None, None, _READ, bytes=self.writes[0].bytes)}
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
@@ -131,9 +136,9 @@ class NoisePass(FogPass):
         return FogPass.needed(scene, settings) and model.noise_in_use(settings)
 
     def extent(self) -> tuple[int, int, int]:
-        """Return an invocation for each eight texels."""
+        """Return an invocation for two texels."""
         size = self._settings.fog.fog_noise_size
-        return size // 8, size, size
+        return size // 2, size, size
 
     def record(self, commands: Commands) -> None:
         """Record the kernel, once."""
@@ -153,9 +158,8 @@ class InjectPass(FogPass):
 
     def __init__(self, parts: PassParts) -> None:
         super().__init__(parts)
-        noise = NOISE if model.noise_in_use(parts.settings) else ""
-        self.writes = (*self.writes, Access(READ, "storage", bytes=4, of=noise))
-        self.externals = {} if noise else {READ: External(None, None, _READ, bytes=4)}
+        if model.tables_in_use(parts.settings):
+            self.reads = (_tables(parts.settings),)
 
 
 class ScatterPass(FogPass):
@@ -163,10 +167,12 @@ class ScatterPass(FogPass):
 
     name, shader, result = "fog_scatter", "fog/scatter.comp", "fog_light"
     samples = True
-    reads = (Access("fog_medium", "sampled"), Access(READ, "storage"))
+    reads = (Access("fog_medium", "sampled"),)
 
     def __init__(self, parts: PassParts) -> None:
         super().__init__(parts)
+        if parts.settings.fog.fog_temporal:
+            self.reads = (*self.reads, _tables(parts.settings))
         self.reports = shadows.by_need(parts.settings) and shadows.needed(parts.scene, parts.settings)
         """Whether froxels say which pages of shadows they read."""
         if self.reports:
@@ -176,6 +182,10 @@ class ScatterPass(FogPass):
     def defines(self) -> model.Defines:
         """Return the defines of the kernel."""
         return (*super().defines(), *((("REPORTS", 1),) if self.reports else ()))
+
+
+def _tables(settings: Settings) -> Access:
+    return Access(TABLES, "storage", bytes=model.table_bytes(settings))
 
 
 class SpatialPass(FogPass):
@@ -215,7 +225,8 @@ class IntegratePass(FogPass):
     reads = (Access(HISTORY, "sampled"),)
 
     def _volume(self, instead: str = "") -> None:
-        self.writes = (Access(RECORDS, "storage", bytes=4, of=READ),)
+        self.writes = (Access(RECORDS, "storage", bytes=OWNED),)
+        self.externals = {RECORDS: External(None, None, _READ, bytes=OWNED)}
 
     def extent(self) -> tuple[int, int, int]:
         """Return an invocation for each column."""
@@ -232,7 +243,7 @@ class HalfPass(FogPass):
     """The size of the picture."""
 
     def _volume(self, instead: str = "") -> None:
-        self.writes = (Access(PIXELS, "storage", bytes=4, of=RECORDS),)
+        self.writes = (Access(PIXELS, "storage", bytes=OWNED, of=RECORDS),)
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:

@@ -9,9 +9,12 @@
 #include "grid.glsl"
 
 layout(BIND(1, 0, 3)) uniform sampler3D fog_medium;
-layout(BIND(1, 1, 0), FORMAT) uniform writeonly image3D fog_light;
+layout(BIND(1, RESULT_BINDING, 0), FORMAT) uniform writeonly image3D fog_light;
 #ifdef REPORTS
-#define NEEDS_BINDING 2
+#define NEEDS_BINDING (RESULT_BINDING + 1)
+#ifdef TABLES_BINDING
+#define NEEDS_BLOCK 5
+#endif
 #include "page_table/report.glsl"
 #endif
 

@@ -1,7 +1,7 @@
 // What shaders of the scene see of fog, all of it in set 0: the medium and the grid of this frame, and the store.
 //
-// The store is one buffer: ranks of blue noise, the noise of the medium, then a record for each froxel, then the fog of
-// each half-resolution pixel (model.py: Places). A record has all that a surface in its froxel needs, so a lookup reads
+// The store is one buffer: ranks of blue noise, then a record for each froxel, then the fog of each half-resolution pixel
+// (model.py: Places). A record has all that a surface in its froxel needs, so a lookup reads
 // one place for each of four columns.
 
 #ifdef FOG
@@ -23,7 +23,7 @@ layout(BIND(0, 13, 13), std140) uniform Fog_ {
     vec4 history;   // x: share of the current frame; y: amplitude of the dither, in parts of the code of sRGB
     uvec4 frame;    // x: number for blue noise, y: 1 if nothing has changed since the frame before, z: 1 if fog is in view, w: and if it was in
                     // the frame before
-    uvec4 places;   // in the store: x: the first word of noise, y: of froxels, z: of half-resolution pixels; w: pixels in their rows
+    uvec4 places;   // in the store: y: the first word of froxels, z: of half-resolution pixels; w: pixels in their rows
     FogBox boxes[FOG_BOXES];
 } fog;
 

@@ -50,7 +50,9 @@ class FogTechnique(Technique):
         if FogPass.needed(parts.scene, parts.settings):
             read_fog([gpu_pass for name, gpu_pass in passes.items() if name in LIT])
         self._medium = model.medium_of(parts.scene, self._knobs)
-        self._memory = parts.data.fog = backend.part(__package__).FogMemory(backend)
+        self._memory = parts.data.fog = backend.part(__package__).FogMemory(
+            backend, model.table_bytes(parts.settings) if model.tables_in_use(parts.settings) else 0
+        )
         self._block = self._fixed_block()
         if not model.half_in_use(parts.settings):
             self._make_store((1, 1))
@@ -114,8 +116,8 @@ class FogTechnique(Technique):
         model.check_device(self._parts.settings, self._backend.device.capabilities.limits, size)
         places = model.places_of(self._parts.settings, size)
         self._memory.make(places.words)
-        self._block["places"] = places.noise, places.froxels, places.pixels, 0
-        self._size, self._noise.due, self._noise_sent = size, True, False
+        self._block["places"] = 0, places.froxels, places.pixels, 0
+        self._size = size
 
     def _show_store(self, frame: FrameInfo) -> None:
         """Let shaders see another store."""

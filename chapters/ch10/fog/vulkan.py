@@ -26,9 +26,9 @@ class FogMemory(_FogMemory):
         buffer: Buffer = resources.buffers.get(resources.buffer(BLOCK.itemsize, usage, "upload", name))
         return buffer
 
-    def _create_store(self, size: int, beginning: np.ndarray) -> Buffer:
+    def _create_buffer(self, size: int, beginning: np.ndarray, name: str) -> Buffer:
         resources = self._backend.resources
-        self._handle = resources.buffer(size, _STORED, "device", "fog store")
+        self._handle = resources.buffer(size, _STORED, "device", name)  # of the store, which is made last
         buffer: Buffer = resources.buffers.get(self._handle)
         with Uploader(self._backend.device) as uploader:
             uploader.buffer(buffer, beginning)

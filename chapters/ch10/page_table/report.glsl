@@ -11,7 +11,10 @@
 #define LAMP_WORD shadow_places[1].y
 const float PI = 3.14159265;
 
-layout(BIND(1, NEEDS_BINDING, 4), std430) buffer Needs_ { uint needs[]; };
+#ifndef NEEDS_BLOCK
+#define NEEDS_BLOCK 4
+#endif
+layout(BIND(1, NEEDS_BINDING, NEEDS_BLOCK), std430) buffer Needs_ { uint needs[]; };
 
 uint lamp_of(int face) { return uint(face - FIRST_LAMP) / (2u * uint(SHADOW_COARSE)); }
 
