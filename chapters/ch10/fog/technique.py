@@ -54,8 +54,7 @@ class FogTechnique(Technique):
             backend, model.table_bytes(parts.settings) if model.tables_in_use(parts.settings) else 0
         )
         self._block = self._fixed_block()
-        if not model.half_in_use(parts.settings):
-            self._make_store((1, 1))
+        self._make_store((1, 1))
 
     def _fixed_block(self) -> np.ndarray:
         """Return the block with all that no frame changes."""
