@@ -1,7 +1,8 @@
 """The night market: stalls with awnings in lanes around a square, thousands of lamps, glass, and facades around.
 
 `market` has 2,400 lamps, each a point or spot light with a body that glows; `market:lights=400` has 400 of them, which
-are the first 400 of one order. `market:fog` is that in mist. Besides there is the moon, a directional light of a tenth of a lux.
+are the first 400 of one order. `market:fog` is that in mist. Besides there is the moon, a
+directional light of a tenth of a lux.
 """
 
 from __future__ import annotations

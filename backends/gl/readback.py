@@ -51,7 +51,10 @@ class Fence:
 
 
 class Readback:
-    """A buffer of the size of one image, all slices of a 3D one. `record` copies the image into it, `read` returns it once a fence says so."""
+    """A buffer of the size of one image, with all slices of a 3D one.
+
+    `record` copies the image into it, `read` returns it once a fence says so.
+    """
 
     def __init__(self, context: Context, image: Image, name: str) -> None:
         self._context, self._image = context, image

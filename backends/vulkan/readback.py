@@ -14,7 +14,10 @@ from common.images.packed import unpacked
 
 
 class Readback:
-    """A buffer of the size of one image, all slices of a 3D one. `record` copies the image into it, `read` returns it once that is done."""
+    """A buffer of the size of one image, with all slices of a 3D one.
+
+    `record` copies the image into it, `read` returns it once that is done.
+    """
 
     def __init__(self, device: Device, image: Image, name: str) -> None:
         self._device = device

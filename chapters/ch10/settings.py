@@ -141,7 +141,8 @@ class Settings(Grouped):
         "shadow_cull_instances shadow_cull_meshlets shadow_cull_cones shadow_cull_faces "
         "rate_policy rate_coarse rate_threshold rate_surface rate_fragments rate_radius rate_tint "
         "fog fog_density fog_height fog_falloff fog_albedo fog_anisotropy "
-        "fog_noise fog_noise_size fog_noise_period fog_wind fog_near fog_far fog_columns fog_rows fog_slices fog_format "
+        "fog_noise fog_noise_size fog_noise_period fog_wind "
+        "fog_near fog_far fog_columns fog_rows fog_slices fog_format "
         "fog_spatial fog_temporal fog_share fog_dither fog_half fog_half_tolerance "
         "skip_unused"
     )

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from common.environment.medium import medium_of
 from common.errors import SceneError
 from common.gltf.accessors import Accessors
 from common.gltf.animation import read_animations
@@ -23,7 +24,6 @@ from common.gltf.nodes import Forest, read_cameras, read_forest, read_lights
 from common.gltf.refusal import Refusal, refuse
 from common.names import shortened, visible
 from common.scene import NUMBER_LIMIT, Scene
-from common.scene.medium import medium_of
 
 FAR_FRACTION = 1e-3
 """Of a scene's size: a step between places that is larger is seen, as a pixel of a thousand is."""

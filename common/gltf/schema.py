@@ -179,7 +179,15 @@ _FOG = _fields(
     height_falloff=_number,
     height_base=_number,
     albedo=_vector(3),
-    boxes=_list(_fields("center half_size extinction", center=_vector(3), half_size=_vector(3), extinction=_number, albedo=_vector(3))),
+    boxes=_list(
+        _fields(
+            "center half_size extinction",
+            center=_vector(3),
+            half_size=_vector(3),
+            extinction=_number,
+            albedo=_vector(3),
+        )
+    ),
 )
 _STRATA_EXTRAS = _fields(strata=_fields(ev100=_number, ambient=_number, fog=_FOG))
 

@@ -1,6 +1,6 @@
 """The scene as arrays, its pose at a time, and what changes, merges or makes scenes."""
 
-from common.scene.medium import FogBox, Medium
+from common.environment.medium import FogBox, Medium
 from common.scene.scene import (
     LEAST_EXTENT,
     LEAST_NEAR,

@@ -20,10 +20,10 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from common.environment.medium import Medium
 from common.scene.ancestry import Ancestry
 from common.scene.images import EncodedImage as EncodedImage
 from common.scene.images import Image as Image
-from common.scene.medium import Medium
 
 if TYPE_CHECKING:
     from common.environment import Environment
@@ -301,7 +301,9 @@ class Scene:
     ambient: float | None = None  # nits; the author's stand-in for indirect light (`extras.strata.ambient`)
     environment: Environment | None = None  # light from far away; fixed when a renderer opens the scene
     ev100: float | None = None  # an exposure that decides over those of the cameras
-    medium: Medium | None = None  # fog between surfaces; fixed when a renderer opens the scene (`extras.strata.fog`)
+    medium: Medium | None = (
+        None  # fog between surfaces; fixed when a renderer opens the scene (`extras.strata.fog`)
+    )
     warnings: list[str] = field(default_factory=list)
     revision: dict[Change, int] = field(default_factory=lambda: dict.fromkeys(Change, 0))
 

@@ -105,7 +105,7 @@ def test_without_a_policy_there_is_no_mask(chapter, scene):
 
 def test_views_and_multisampling_have_no_mask(chapter, scene):
     for turned in ({"view": "normal"}, {"msaa": 4}):
-        with opened(chapter, scene, inspect=False, **turned, **{"graph": "auto"}) as renderer:
+        with opened(chapter, scene, inspect=False, **turned, graph="auto") as renderer:
             renderer.render(VIEW).image("color")
             assert not [name for name in renderer.graph.resources if "rates" in name]
 

@@ -35,7 +35,9 @@ def picture(chapter, scene, view=VIEW, size=SIZE, frames=1, **turned):
     with chapter.open(scene, size, replaced(BASE, **turned), outputs=outputs) as renderer:
         for _ in range(frames):
             frame = renderer.render(view)
-        return frame.image("color_linear").astype(np.float64)[..., :3], frame.image("depth").astype(np.float64)
+        return frame.image("color_linear").astype(np.float64)[..., :3], frame.image("depth").astype(
+            np.float64
+        )
 
 
 def distances(depth, view=VIEW):
@@ -177,7 +179,9 @@ def test_without_a_matching_sample_a_pixel_looks_up_its_own_fog(chapter):
     scene = foggy(LAMP, medium=HAZE)
     full, depth = picture(chapter, scene, graph="deferred", fog_format="rgba32f")
     half, _ = picture(chapter, scene, graph="deferred", fog_half=True, fog_half_tolerance=0.0)
-    assert np.abs(full - half)[depth > 0].max() < 4e-3 * full.max()  # samples are halves, and those are a pixel away
+    assert (
+        np.abs(full - half)[depth > 0].max() < 4e-3 * full.max()
+    )  # samples are halves, and those are a pixel away
 
 
 # --- dither ---
@@ -205,7 +209,7 @@ def test_dither_moves_no_pixel_by_more_than_a_step_and_keeps_the_mean(chapter):
 )
 def test_without_fog_there_is_no_pass_image_or_buffer(chapter, turned):
     scenes = foggy(LAMP), yard(LAMP)
-    settings = replaced(BASE, **turned), replaced(BASE, **{"view": turned.get("view", "picture")})
+    settings = replaced(BASE, **turned), replaced(BASE, view=turned.get("view", "picture"))
     found = []
     for scene, knobs in zip(scenes, settings, strict=True):
         with chapter.open(scene, SIZE, knobs, outputs={"color"}) as renderer:
@@ -289,10 +293,16 @@ def test_a_grid_beyond_the_device_is_refused(chapter):
     seen = chapter.device.capabilities.limits["maxStorageBufferRange"]
     rows = min(most, int(seen // (32 * 128 * 1024)) + 1)
     with pytest.raises(UnsupportedError, match="froxels take"):
-        chapter.open(foggy(LAMP), SIZE, replaced(BASE, fog_columns=min(most, 1024), fog_rows=min(most, 128 * rows), fog_slices=1024))
+        chapter.open(
+            foggy(LAMP),
+            SIZE,
+            replaced(BASE, fog_columns=min(most, 1024), fog_rows=min(most, 128 * rows), fog_slices=1024),
+        )
 
 
-@pytest.mark.parametrize("name", ["fog_density", "fog_height", "fog_falloff", "fog_anisotropy", "fog_near", "fog_far"])
+@pytest.mark.parametrize(
+    "name", ["fog_density", "fog_height", "fog_falloff", "fog_anisotropy", "fog_near", "fog_far"]
+)
 def test_nan_is_no_knob(chapter, name):
     with pytest.raises(UserError, match=name):
         chapter.open(foggy(LAMP), SIZE, replaced(BASE, **{name: float("nan")}))

@@ -61,7 +61,9 @@ def test_froxels_hold_the_medium(chapter, medium):
 
 @pytest.mark.feature("fog/inject-box")
 def test_a_box_changes_froxels_with_their_sample_inside(chapter):
-    grid, volume = frame_of(chapter, foggy(medium=replace(LAYERS, extinction=0.0, height_extinction=0.0)), MEDIUM)
+    grid, volume = frame_of(
+        chapter, foggy(medium=replace(LAYERS, extinction=0.0, height_extinction=0.0)), MEDIUM
+    )
     box = LAYERS.boxes[0]
     away = np.abs(grid.samples() - box.center) - box.half_size
     inside, sure = (away <= 0).all(axis=-1), np.abs(away).min(axis=-1) > 1e-4
@@ -80,7 +82,10 @@ def test_one_lamp_in_a_layered_medium(chapter, anisotropy):
     scene = foggy(LAMP, medium=LAYERS)
     grid, volume = frame_of(chapter, scene, LIGHT, fog_anisotropy=anisotropy)
     truth = exposed(fog_grid.scattered(grid, twin_of(LAYERS), [lamp_of(LAMP)], anisotropy))
-    edge = np.abs(np.abs(grid.samples() - LAYERS.boxes[0].center) - LAYERS.boxes[0].half_size).min(axis=-1) < 1e-4
+    edge = (
+        np.abs(np.abs(grid.samples() - LAYERS.boxes[0].center) - LAYERS.boxes[0].half_size).min(axis=-1)
+        < 1e-4
+    )
     sure = ~edge & apart(grid, [LAMP[1][:3, 3]])
     assert sure.mean() > 0.8
     assert np.allclose(volume[sure], truth[sure], rtol=3e-4, atol=1e-12)
@@ -107,7 +112,9 @@ def test_the_sun_is_dimmed_up_to_the_box_around_the_scene(chapter):
     turned = 1 - (-to_light * -direction).sum(axis=-1)
     light_ = 5.0 * twin.henyey_greenstein(turned, 0.6) * np.exp(-HAZE.extinction * metres)
     truth = light_[..., None] * HAZE.extinction * np.array(HAZE.albedo)
-    assert np.allclose(volume[..., :3], exposed(np.concatenate([truth, truth[..., :1]], -1))[..., :3], rtol=3e-4)
+    assert np.allclose(
+        volume[..., :3], exposed(np.concatenate([truth, truth[..., :1]], -1))[..., :3], rtol=3e-4
+    )
 
 
 @pytest.mark.feature("fog/light-scattering")
@@ -126,7 +133,9 @@ def test_a_caster_takes_light_from_froxels(chapter, memory):
 
     below = points[..., 1] < -0.05  # the ground is a caster, too
     hidden, near = crossed(0.45), crossed(0.55)
-    sure = (hidden == near) & (np.abs(points[..., 1]) > 0.1) & (np.abs(points[..., [0, 2]]) < 3.8).all(axis=-1)
+    sure = (
+        (hidden == near) & (np.abs(points[..., 1]) > 0.1) & (np.abs(points[..., [0, 2]]) < 3.8).all(axis=-1)
+    )
     assert (hidden & sure).sum() > 10
     assert (dark[hidden & sure][..., :3] == 0).all()
     assert (dark[sure & below][..., :3] == 0).all()
@@ -190,5 +199,7 @@ def test_a_homogeneous_medium_is_beer_lambert_at_every_slice(chapter, extinction
         grid = grid_of(renderer)
     metres = grid.edges()[:-1, None, None] * grid.stretch(grid.centers()[0, ..., :2])
     assert np.abs(before[..., 3] - np.exp(-extinction * metres)).max() < 1e-4
-    light = -np.expm1(-extinction * metres)[..., None] * np.array(medium.albedo) * exposed(np.full(4, 10.0))[0]
+    light = (
+        -np.expm1(-extinction * metres)[..., None] * np.array(medium.albedo) * exposed(np.full(4, 10.0))[0]
+    )
     assert np.allclose(before[..., :3], light, rtol=1e-4, atol=1e-30)

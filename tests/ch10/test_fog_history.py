@@ -93,7 +93,11 @@ def test_a_reset_forgets(chapter, scene):
         first = [volumes(renderer, VIEW) for _ in range(3)]
         renderer.reset_history("a test")
         again = [volumes(renderer, VIEW) for _ in range(3)]
-        assert all(np.array_equal(a, b) for one, other in zip(first, again, strict=True) for a, b in zip(one, other, strict=True))
+        assert all(
+            np.array_equal(a, b)
+            for one, other in zip(first, again, strict=True)
+            for a, b in zip(one, other, strict=True)
+        )
         light, history = volumes(renderer, replace(VIEW, cut=True))
         assert np.array_equal(light, history)
 

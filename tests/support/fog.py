@@ -58,9 +58,7 @@ def twin_of(medium: Medium) -> twin.Medium:
     """Return the twin of a medium."""
     height = twin.Height(medium.height_extinction, medium.height_falloff, medium.height_base, medium.albedo)
     boxes = tuple(twin.Box(box.center, box.half_size, box.extinction, box.albedo) for box in medium.boxes)
-    return twin.Medium(
-        medium.extinction, medium.albedo, height if medium.height_extinction else None, boxes
-    )
+    return twin.Medium(medium.extinction, medium.albedo, height if medium.height_extinction else None, boxes)
 
 
 def grid_of(renderer: Any, view: View = VIEW) -> Grid:
@@ -69,7 +67,11 @@ def grid_of(renderer: Any, view: View = VIEW) -> Grid:
     width, height = renderer.size
     size = knobs.fog_columns, knobs.fog_rows, knobs.fog_slices
     return Grid(
-        size, knobs.fog_near * scale, knobs.fog_far * scale, view.clip_from_view(width / height), view.world_from_view
+        size,
+        knobs.fog_near * scale,
+        knobs.fog_far * scale,
+        view.clip_from_view(width / height),
+        view.world_from_view,
     )
 
 

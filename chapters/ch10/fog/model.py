@@ -1,7 +1,8 @@
-"""Fog without a device: the medium of a scene and its settings, the grid, what is refused, and how the store is laid out.
+"""Fog without a device: the medium of a scene and its settings, the grid, what is refused, and the layout of the store.
 
 Lengths are in metres. Near and far of the grid are multiples of the scene's length scale, and need not be those of the
-camera. Slice s of N ends at the depth near * (far / near)^((s + 1) / N), the first begins at the eye (shaders/slices.glsl).
+camera. Slice s of N ends at the depth near * (far / near)^((s + 1) / N), the first begins at the eye
+(shaders/slices.glsl).
 """
 
 from __future__ import annotations
@@ -106,7 +107,9 @@ def check(scene: Scene, settings: Any) -> None:
             f"fog_near={knobs.fog_near:g} is not in front of fog_far={knobs.fog_far:g}: set a lower one."
         )
     if len(medium.boxes) > MOST_BOXES:
-        raise UserError(f"The scene has {len(medium.boxes)} boxes of fog, and at most {MOST_BOXES} are drawn.")
+        raise UserError(
+            f"The scene has {len(medium.boxes)} boxes of fog, and at most {MOST_BOXES} are drawn."
+        )
 
 
 def check_device(settings: Any, limits: Mapping[str, int], size: tuple[int, int]) -> None:
@@ -119,7 +122,10 @@ def check_device(settings: Any, limits: Mapping[str, int], size: tuple[int, int]
             f"A grid of {shown} froxels is more than this device holds, whose 3D images have {most} texels along an "
             "edge: set fog_columns, fog_rows and fog_slices lower."
         )
-    needed_bytes, seen = places_of(settings, size).words * WORD_BYTES, limits.get("maxStorageBufferRange", 1 << 27)
+    needed_bytes, seen = (
+        places_of(settings, size).words * WORD_BYTES,
+        limits.get("maxStorageBufferRange", 1 << 27),
+    )
     if needed_bytes > seen:
         raise UnsupportedError(
             f"The records of {math.prod(grid)} froxels take {needed_bytes} bytes, and shaders of this device see "

@@ -9,7 +9,8 @@
     fog_half       the fog before each second pixel in each second row -> the store
 
 The volumes are 3D images of the frame graph, so fog_smooth may lie where fog_medium was, and the history swaps its two
-images. Tables and store are memory of the technique. Shaders of the scene bind the store with the rest of what they see.
+images. Tables and store are memory of the technique. Shaders of the scene bind the store with all else that
+they see.
 """
 
 from __future__ import annotations
@@ -20,17 +21,20 @@ from typing import Any
 from backends.contract import Access, Pass, Sources
 from common.scene import Scene
 
+from ..clusters import model as clusters
+from ..clusters.passes import read_lists
 from ..frames.commands import Commands
 from ..graph.execute.bindings import OWNED
 from ..graph.file import graph_path, read_graph
 from ..graph.plan import graph_name
 from ..graph.types import External, Touch
+from ..page_table.memory import NEEDS_OF_FOG
 from ..pipelines.compute_description import ComputeDescription
 from ..scene.data import BEHIND_SCENE
 from ..scene.pass_parts import PassParts
 from ..settings import Settings
-from ..page_table.memory import NEEDS_OF_FOG
 from ..shadows import model as shadows
+from ..shadows.passes import read_pages
 from . import model
 
 TABLES = "fog_tables"
@@ -41,8 +45,10 @@ RECORDS, PIXELS = "fog_records", "fog_pixels"
 
 HISTORY = "history_fog"
 
-LIT = ("forward", "forward_late", "lighting", "lighting_compute", "lighting_blocks", "lighting_pixels")
-LIT = (*LIT, "transparent", "transparent_fill")
+LIT = (
+    *("lighting", "lighting_blocks", "lighting_compute", "lighting_pixels"),
+    *("forward", "forward_late", "transparent", "transparent_fill"),
+)
 """The passes that show surfaces through fog."""
 
 _READ = Touch("", frozenset({"fragment", "compute"}), frozenset({"storage_read"}))
@@ -167,17 +173,21 @@ class ScatterPass(FogPass):
 
     name, shader, result = "fog_scatter", "fog/scatter.comp", "fog_light"
     samples = True
-    reads = (Access("fog_medium", "sampled"),)
+    reads: tuple[Access, ...] = (Access("fog_medium", "sampled"),)
 
     def __init__(self, parts: PassParts) -> None:
         super().__init__(parts)
         if parts.settings.fog.fog_temporal:
             self.reads = (*self.reads, _tables(parts.settings))
+        if clusters.needed(parts.scene, parts.settings):
+            read_lists([self])
+        if shadows.possible(parts.scene, parts.settings):
+            read_pages([self])
         self.reports = shadows.by_need(parts.settings) and shadows.needed(parts.scene, parts.settings)
         """Whether froxels say which pages of shadows they read."""
         if self.reports:
             size = 4 * parts.data.shadow_places.report_words
-            self.writes = (*self.writes, Access(NEEDS_OF_FOG, "storage", bytes=size))
+            self.writes += (Access(NEEDS_OF_FOG, "storage", bytes=size),)
 
     def defines(self) -> model.Defines:
         """Return the defines of the kernel."""

@@ -22,8 +22,8 @@ from .passes import FOG_PASSES, LIT, FogPass, HalfPass, NoisePass, read_fog
 class FogTechnique(Technique):
     """Owns what all shaders see of fog.
 
-    The share of a frame in the history is 1 / n in frame n of a view without changes, so the history is their mean. After
-    REST_FRAMES it stays as it is. While something changes, the share is that of the settings.
+    The share of a frame in the history is 1 / n in frame n of a view without changes, so the history is their mean.
+    After REST_FRAMES it stays as it is. While something changes, the share is that of the settings.
     """
 
     name = "fog"

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from common.environment.medium import medium_of
 from common.scene import (
     MESH_DTYPE,
     Animation,
@@ -30,7 +31,6 @@ from common.scene import (
     SceneCamera,
     TextureRef,
 )
-from common.scene.medium import medium_of
 
 Add = Callable[[np.ndarray[Any, Any]], int]
 """Stores an array and returns its number."""

@@ -34,7 +34,7 @@ from .model import needed
 PAGES = "shadow_pages"
 """The resource in the graph."""
 
-LIT = ("forward", "forward_late", "lighting", "lighting_compute", "transparent", "transparent_fill", "fog_scatter")
+LIT = ("forward", "forward_late", "lighting", "lighting_compute", "transparent", "transparent_fill")
 """The passes that read shadows."""
 
 _READ = Touch("", frozenset({"fragment", "compute"}), frozenset({"storage_read"}))

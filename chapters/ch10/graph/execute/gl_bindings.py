@@ -33,7 +33,7 @@ _PUSH = _PLACES["uniform"] + "14"
 
 _SCENE = [_PLACES["storage"] + number for number in ("12", "13", "14", "15")] + [_PLACES["image"] + "7"]
 _SCENE += [_PLACES["uniform"] + "13"]
-"""The scene's places behind the first ones of all others: more instances, light lists, shadows, fog (scene/scene.glsl)."""
+"""The scene's places behind the first ones of all others: more instances, light lists, shadows, fog (scene.glsl)."""
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,7 @@ class Medium:
 
 
 def medium_of(extras: dict[str, Any]) -> Medium | None:
-    """Return the medium that `extras.strata` of a glTF scene describes under "fog", by the names of the fields above."""
+    """Return the medium that `extras.strata` of a glTF scene describes as "fog", by the names of the fields above."""
     said = extras.get("fog")
     if said is None:
         return None
