@@ -273,8 +273,8 @@ def test_what_cannot_be_is_refused_in_a_sentence(chapter, turned, words):
 def test_a_medium_of_no_density_is_refused(chapter, density):
     with pytest.raises(UserError, match="it is a number per metre"):
         chapter.open(foggy(LAMP, medium=Medium(extinction=density)), SIZE, BASE)
+    box = FogBox((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), density)
     with pytest.raises(UserError, match="fog box 0 is"):
-        box = FogBox((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), density)
         chapter.open(foggy(LAMP, medium=Medium(boxes=(box,))), SIZE, BASE)
 
 

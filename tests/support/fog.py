@@ -93,7 +93,7 @@ def radii(grid: Grid) -> Float64:
     """Return (Z, Y, X) half the diagonal of each froxel: nearer lights are not told apart."""
     depth = np.broadcast_to(grid.depths()[:, None, None], grid.size[::-1])
     uvw = grid.centers()
-    next_ = uvw + (1 / grid.size[0], 1 / grid.size[1], 0.0)
+    next_ = uvw + np.array((1 / grid.size[0], 1 / grid.size[1], 0.0))
     here, there = grid.view_from_uvw(uvw, depth), grid.view_from_uvw(next_, depth)
     thick = np.broadcast_to(np.diff(grid.edges())[:, None, None], grid.size[::-1])
     return 0.5 * np.linalg.norm(np.concatenate([(there - here)[..., :2], thick[..., None]], axis=-1), axis=-1)
@@ -104,3 +104,11 @@ def apart(grid: Grid, lamps: Any) -> NDArray[np.bool_]:
     away = [np.linalg.norm(grid.samples() - lamp, axis=-1) for lamp in lamps]
     result: NDArray[np.bool_] = np.min(away, axis=0) > 1.01 * radii(grid)
     return result
+
+
+def noise_volume(renderer: Any) -> Float64:
+    """Return (Z, Y, X) the noise of the medium, as froxels read it."""
+    size = renderer.settings.fog.fog_noise_size
+    words = read_words(renderer.device, renderer.techniques["fog"]._memory.tables)[128 * 128 :]
+    values: Float64 = words.view(np.float16)[: size**3].reshape(size, size, size).astype(np.float64)
+    return values

@@ -147,9 +147,11 @@ class NoisePass(FogPass):
         return size // 2, size, size
 
     def record(self, commands: Commands) -> None:
-        """Record the kernel, once."""
-        if self.due:
-            super().record(commands)
+        """Record the kernel, once. It reads nothing of the scene."""
+        if self.due and self.in_view:
+            (pipeline,) = self.pipelines
+            commands.bind_compute(pipeline)
+            commands.dispatch_over(pipeline, self.extent())
 
     def key(self, slot: int) -> Any:
         """Return whether the kernel runs."""

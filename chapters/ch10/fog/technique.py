@@ -65,7 +65,7 @@ class FogTechnique(Technique):
         block["size"] = *model.grid_of(knobs), len(medium.boxes)
         block["constant"] = *medium.albedo, medium.extinction
         block["height"] = *medium.albedo, medium.height_extinction
-        periods = 1.0 / (knobs.fog_noise_period * scene.length_scale)
+        self._periods = periods = 1.0 / (knobs.fog_noise_period * scene.length_scale)
         base = medium.height_base - scene.origin[1]
         block["shape"] = base, medium.height_falloff, knobs.fog_noise, periods
         block["bounds"][:3] = (scene.bounds[1] - scene.bounds[0]) / 2
@@ -153,7 +153,7 @@ class FogTechnique(Technique):
         if not model.noise_in_use(self._parts.settings):
             return (0.0, 0.0, 0.0)
         velocity = np.array(model.WIND) / np.linalg.norm(model.WIND) * self._knobs.fog_wind
-        return tuple((velocity * time * float(self._block["shape"][3]) % 1.0).tolist())
+        return tuple((velocity * time * self._periods % 1.0).tolist())
 
     def resting(self, time: float) -> bool:
         """Whether the history stays as it is, and no wind blows."""
