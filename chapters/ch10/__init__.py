@@ -1,4 +1,4 @@
-"""Chapter 9: light that is evaluated once for a block of pixels, where nobody sees the difference."""
+"""Chapter 10: air that scatters light, in a grid of froxels over the view."""
 
 from common.lessons import Lesson, Needs, Section
 
