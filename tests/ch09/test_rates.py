@@ -105,7 +105,7 @@ def test_without_a_policy_there_is_no_mask(chapter, scene):
 
 def test_views_and_multisampling_have_no_mask(chapter, scene):
     for turned in ({"view": "normal"}, {"msaa": 4}):
-        with opened(chapter, scene, inspect=False, **turned, **{"graph": "auto"}) as renderer:
+        with opened(chapter, scene, inspect=False, **turned, graph="auto") as renderer:
             renderer.render(VIEW).image("color")
             assert not [name for name in renderer.graph.resources if "rates" in name]
 
@@ -115,7 +115,7 @@ def test_views_and_multisampling_have_no_mask(chapter, scene):
 
 @pytest.mark.feature("vrs/sobel-mask")
 def test_edges_are_those_of_a_gradient_in_float64(chapter, scene):
-    """Texels in which no gradient is within 1e-5 of the threshold: codes of luminance are right to some units of 2^-24."""
+    """In texels with no gradient within 1e-5 of the threshold: codes of luminance are right to some units of 2^-24."""
     with opened(chapter, scene) as renderer:
         frame = renderer.render(VIEW)
         light, edges = frame.image("color_linear").astype(np.float64), codes(frame, EDGES)
