@@ -128,15 +128,16 @@ def test_edges_are_those_of_a_gradient_in_float64(chapter, scene):
 
 @pytest.mark.feature("vrs/sobel-mask")
 def test_a_tile_shows_no_seam(chapter, scene):
-    """Gradients at the borders of texels are those of the whole picture, for thresholds between those of texels.
+    """Gradients at the borders of a work group's tile are those of the whole picture, as thresholds tell.
 
-    With tiles of no more than their own texel some texels would have another gradient, and other thresholds tell.
+    With tiles that end with their own pixels some texels would have another gradient.
     """
     with opened(chapter, scene) as renderer:
         code = twin.luminance_code(renderer.render(VIEW).image("color_linear").astype(np.float64))
     whole, apart = twin.squared_gradient(code), np.zeros_like(code)
-    for row, column in np.ndindex(-(-code.shape[0] // TEXEL), -(-code.shape[1] // TEXEL)):
-        own = np.s_[row * TEXEL : (row + 1) * TEXEL, column * TEXEL : (column + 1) * TEXEL]
+    tile = 16
+    for row, column in np.ndindex(-(-code.shape[0] // tile), -(-code.shape[1] // tile)):
+        own = np.s_[row * tile : (row + 1) * tile, column * tile : (column + 1) * tile]
         apart[own] = twin.squared_gradient(code[own])
     most, of_tiles = (twin.most_of_texels(squared, TEXEL) for squared in (whole, apart))
     seams = (most > 1.5 * of_tiles) & (most > 1e-3)

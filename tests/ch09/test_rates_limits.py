@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from chapters.ch09.rates.model import TEXEL
 from chapters.ch09.settings import Settings
 from common.errors import SettingError
 from common.numerics.transforms import pose_looking_at
@@ -24,7 +23,10 @@ MASK = "rate_mask/rates"
 
 
 def drawn(chapter, scene, view=VIEW, size=SIZE, frames=3, **turned):
-    """Return the light and the mask of the last of some frames; all light is finite, and the same calls repeat it."""
+    """Return the light of the last of some frames, its mask, and the pixels along a texel of that.
+
+    All light is finite, and the same calls repeat it.
+    """
     knobs = replaced(BASE, **turned)
     with chapter.open(scene, size, knobs, outputs=("color", "color_linear"), inspect=True) as renderer:
         runs = []
@@ -33,10 +35,11 @@ def drawn(chapter, scene, view=VIEW, size=SIZE, frames=3, **turned):
                 frame = renderer.render(view)
             runs.append([frame.image(name) for name in ("color_linear", "color", MASK)])
             renderer.reset_history("again")
+        (texel,) = (it.texel[0] for node in renderer.nodes for it in node.writes if it.resource == "rates")
     assert all(np.isfinite(light).all() for light, *_ in runs)
     assert all(np.array_equal(one, other) for one, other in zip(*runs, strict=True))
     light, _, mask = runs[0]
-    return light, mask.reshape(mask.shape[:2]).astype(int)
+    return light, mask.reshape(mask.shape[:2]).astype(int), texel
 
 
 @pytest.fixture(scope="module")
@@ -76,11 +79,11 @@ def test_thresholds_at_both_ends(chapter, scene, ends):
 
     Sobel's weights add up to 4 on either side, so a component is at most 4 and the squared gradient at most 32.
     """
-    light, mask = drawn(chapter, scene, rate_coarse="4x4", **ends)
+    light, mask, texel = drawn(chapter, scene, rate_coarse="4x4", **ends)
     assert (mask == 10).any() and (mask == 0).any()
     if ends["rate_threshold"] == 0:
         for row, column in np.argwhere(mask == 10):
-            part = np.s_[row * TEXEL : (row + 1) * TEXEL, column * TEXEL : (column + 1) * TEXEL]
+            part = np.s_[row * texel : (row + 1) * texel, column * texel : (column + 1) * texel]
             assert np.ptp(light[part][..., :3], axis=(0, 1)).max() == 0
     else:
         assert (mask == 10).mean() > 0.5
@@ -92,10 +95,10 @@ def test_thresholds_at_both_ends(chapter, scene, ends):
 def test_pictures_smaller_than_a_texel_or_a_block(chapter, scene, size, graph):
     """Each block is lit at a pixel that exists."""
     knobs = {"graph": graph, "rate_fragments": "passes", "rate_coarse": "4x4", "rate_policy": "radial"}
-    full, _ = drawn(chapter, scene, size=size, frames=1, rate_radius=4.0, **knobs)
-    light, mask = drawn(chapter, scene, size=size, frames=1, rate_radius=0.0, **knobs)
+    full, *_ = drawn(chapter, scene, size=size, frames=1, rate_radius=4.0, **knobs)
+    light, mask, texel = drawn(chapter, scene, size=size, frames=1, rate_radius=0.0, **knobs)
     y, x = np.indices(light.shape[:2])
-    coarse = mask[y // TEXEL, x // TEXEL] == 10
+    coarse = mask[y // texel, x // texel] == 10
     rows, columns = (
         np.where(coarse, np.minimum(at // 4 * 4 + 2, most - 1), at)
         for at, most in ((y, size[1]), (x, size[0]))
@@ -110,13 +113,13 @@ def test_pictures_smaller_than_a_texel_or_a_block(chapter, scene, size, graph):
 @pytest.mark.parametrize("case", ["1e5 m away", "a thousandth", "a thousand times"])
 def test_place_and_scale_leave_the_mask(chapter, scene, case):
     """The picture differs by what float32 rounds; a texel with a gradient next to the threshold may change."""
-    light, mask = drawn(chapter, scene)
+    light, mask, _ = drawn(chapter, scene)
     assert 0.2 < (mask == 0).mean() < 0.9
     if case == "1e5 m away":
         other, looking = moved(scene, VIEW, (1e5, -1e5, 1e5))
     else:
         other, looking = scaled(scene, VIEW, 1e-3 if case == "a thousandth" else 1e3)
-    there, found = drawn(chapter, other, looking)
+    there, found, _ = drawn(chapter, other, looking)
     assert (found != mask).mean() <= 1 / mask.size
     assert np.mean(np.abs(there - light) > 1e-3 * light.max()) < 0.01
 
@@ -128,16 +131,16 @@ def test_light_without_bounds_gives_a_mask_and_a_picture(chapter, lux):
     square = quad_scene(
         Material(roughness=1.0, metallic=0.0), lights=(Light("directional", 0, intensity=lux),)
     )
-    _, mask = drawn(chapter, square, facing(), size=(64, 64), frames=5)
+    _, mask, _ = drawn(chapter, square, facing(), size=(64, 64), frames=5)
     assert (mask == 5).any()
 
 
 @pytest.mark.feature("vrs/sobel-mask")
 def test_memory_of_any_content_is_read_by_none(chapter, scene):
     """What the first frame finds in a history is not used; nor is what aliased memory held."""
-    light, mask = drawn(chapter, scene)
+    light, mask, _ = drawn(chapter, scene)
     for turned in ({"poison": "depth 0"}, {"poison": "depth 1"}, {"alias": False}):
-        there, found = drawn(chapter, scene, **turned)
+        there, found, _ = drawn(chapter, scene, **turned)
         assert np.array_equal(there, light) and np.array_equal(found, mask)
 
 
