@@ -1,4 +1,4 @@
-"""Chapter 9: light that is evaluated once for a block of pixels where the difference is not visible."""
+"""Chapter 9: light that is evaluated once for a block of pixels, where the difference is not seen."""
 
 from common.lessons import Lesson, Needs, Section
 
