@@ -131,10 +131,13 @@ GIVEN_FROM_8 = {
 }
 GIVEN_FROM_9 = {
     "COARSE": "5u",
+    "COARSE_SIDE": 2,
     "RATE": "5u",
+    "RATE_AREA": 32,
     "RATE_FORMAT": "r32ui",
     "RATE_TEXEL": 16,
     "SURFACE": 0.1,
+    "TILE": 16,
 }
 GIVEN_IN: dict[str, dict[str, int | float | str | None]] = {
     "ssao": {"STEP": "ivec2(1, 0)"},
