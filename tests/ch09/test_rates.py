@@ -62,7 +62,7 @@ def by_pixel(mask, size=SIZE):
 
 
 @pytest.mark.feature("vrs/software")
-@pytest.mark.parametrize("coarse", ["2x2", "4x4"])
+@pytest.mark.parametrize("coarse", ["2x2", pytest.param("4x4", marks=pytest.mark.core)])
 def test_blocks_have_the_light_of_one_pixel_and_all_others_their_own(chapter, scene, coarse):
     """Bit for bit, against a frame in which each pixel is lit."""
     full = opened(chapter, scene, rate_policy="none", inspect=False)
@@ -159,7 +159,7 @@ def test_each_texel_is_lit_in_full_within_eight_frames(chapter, scene):
 
 
 @pytest.mark.feature("vrs/rate-policies")
-@pytest.mark.parametrize("radius", [0.0, 0.3, 4.0])
+@pytest.mark.parametrize("radius", [0.0, pytest.param(0.3, marks=pytest.mark.core), 4.0])
 def test_a_radial_mask_lights_each_pixel_near_the_middle(chapter, scene, radius):
     with opened(chapter, scene, rate_policy="radial", rate_radius=radius) as renderer:
         frame = renderer.render(VIEW)

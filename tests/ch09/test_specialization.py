@@ -202,7 +202,7 @@ def test_values_have_the_bytes_of_their_type_and_what_does_not_fit_is_refused():
 
 
 @constants
-@pytest.mark.parametrize("taps", [1, 1024])
+@pytest.mark.parametrize("taps", [1, pytest.param(1024, marks=pytest.mark.core)])
 def test_a_constant_loop_equals_the_sum_and_the_dynamic_loop(kernels, shader, taps):
     """Each of N terms is rounded, and so is each addition: N + 2 roundings of 2^-24, of the sum of magnitudes."""
     count, file = 1500, shader(SUM)
@@ -223,6 +223,7 @@ def test_a_constant_loop_equals_the_sum_and_the_dynamic_loop(kernels, shader, ta
 
 
 @constants
+@pytest.mark.core
 def test_equal_values_share_a_pipeline_and_other_values_have_another(kernels, shader):
     file, before = shader(SUM), len(kernels.pipelines)
     one, many, plain = (
