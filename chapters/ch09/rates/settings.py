@@ -36,8 +36,8 @@ class RateSettings:
     )
     rate_surface: float = knob(
         0.1,
-        "with rate_policy=sobel: difference from the surface that is lit, at which each pixel is lit: of base colour and "
-        "roughness; half of it for the cosine between normals, a fifth for depth",
+        "with rate_policy=sobel: difference from the surface that is lit, at which each pixel is lit: of base colour "
+        "and roughness; half of it for the cosine between normals, a fifth for depth",
         minimum=0,
         maximum=1,
     )

@@ -24,7 +24,7 @@ from common.settings import knob
 STUDY = Study(
     title="constant loop",
     idea="A loop whose length the driver knows runs faster, and takes longer to compile.",
-    order=5,
+    order=2,
     features=("specialization/pipeline-constants",),
 )
 
