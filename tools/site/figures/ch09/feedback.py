@@ -1,4 +1,4 @@
-"""The mask over frames: stripes that fade in, with edges of the lit picture alone, and with turns; and a loop of turns."""
+"""The mask over frames: stripes that fade in, by edges of the lit picture alone, and with turns; a loop of turns."""
 
 from __future__ import annotations
 
