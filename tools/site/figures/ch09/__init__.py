@@ -1,8 +1,9 @@
-"""Figures of chapter 9: codes of rates, the mask, its feedback, blocks, combiners, constants; `feedback` has a loop."""
+"""Figures of chapter 9: codes, the mask, its feedback, blocks, combiners, constants, cells; `feedback` has a loop."""
 
 from __future__ import annotations
 
 from tools.site.figures.ch09.blocks import blocks_and_passes
+from tools.site.figures.ch09.cells import cells_of_the_study
 from tools.site.figures.ch09.codes import codes_of_rates
 from tools.site.figures.ch09.combiners import rates_combined
 from tools.site.figures.ch09.constants import two_compilers
@@ -16,4 +17,5 @@ FIGURES = {
     "ch09-blocks": blocks_and_passes,
     "ch09-combiners": rates_combined,
     "ch09-constants": two_compilers,
+    "ch09-cells": cells_of_the_study,
 }

@@ -71,8 +71,8 @@ def texel_of_the_mask() -> Canvas:
             own = 0 <= row < TEXEL and 0 <= column < TEXEL
             place = 16 + pixel * (column + 1), top + pixel * (row + 1), pixel, pixel
             c.rectangle(place, "b" if value == BRIGHT else "a", "ink" if own else "paper", False, 0)
-    c.note(16, 286, "light outlines: the border, whose")
-    c.note(16, 303, "pixels belong to other texels")
+    c.note(16, 286, "without outlines: the border,")
+    c.note(16, 303, "which belongs to other texels")
     left = 270.0
     c.text(left, 26, "16x16 squared gradients", 13, bold=True)
     for row in range(TEXEL):
