@@ -27,8 +27,8 @@ def blocks_and_passes() -> Canvas:
     c = Canvas(
         760,
         352,
-        "A texel of blocks with the pixel that is lit in each; at the edge of the picture the pixel moves inside; two "
-        "passes with their depths",
+        "A picture in blocks with the pixel that is lit in each; at its edge the pixel moves inside; two passes with "
+        "their depths",
     )
     _corner(c, (20.0, 44.0), 4)
     _passes(c, (384.0, 44.0))
