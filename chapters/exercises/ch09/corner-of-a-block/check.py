@@ -26,7 +26,7 @@ def check(given: Given) -> None:
     """Blocks of 2x2 and 4x4: first those inside of the picture, then those over its edge."""
     scene = yard(spot((1.5, 4.0, 1.0), (0.0, 0.5, 0.0)), point((-1.2, 3.0, 0.8)))
     whole = given.draw(scene, VIEW, size=SIZE, rate_policy="none", **KNOBS)
-    y, x = np.indices(whole.shape[:2])
+    x, y = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1]))
     for side in (2, 4):
         blocks = given.draw(
             scene,

@@ -101,8 +101,8 @@ def turns(c: Picture, number: int) -> None:
         for x, texel in enumerate(row):
             place = 16 + side * x, 38 + side * y, side, side
             c.rectangle(place, FILLS[texel[number]], "line", False, 0)
-    for place, (state, word) in enumerate(zip(FILLS, ("blocks of 2x2", "its turn", "edges"), strict=True)):
-        x0 = 16.0 + 200 * place
+    for index, (state, word) in enumerate(zip(FILLS, ("blocks of 2x2", "its turn", "edges"), strict=True)):
+        x0 = 16.0 + 200 * index
         c.rectangle((x0, 354, 16, 16), FILLS[state], "line", False, 0)
         c.note(x0 + 24, 367, word)
 
