@@ -40,12 +40,12 @@ def fragments(device: Any) -> Iterator[tuple[Callable[[Any], Any], Callable[[], 
         fn.vkCmdEndQuery(commands.handle, pool, 0)
 
     def read() -> int:
-        found = np.zeros(1, np.uint64)
+        counts = np.zeros(1, np.uint64)
         flags = vk.VK_QUERY_RESULT_64_BIT | vk.VK_QUERY_RESULT_WAIT_BIT
-        into = vk.ffi.from_buffer(found)
-        code = fn.vkGetQueryPoolResults(handle, pool, 0, 1, found.nbytes, into, found.nbytes, flags)
+        into = vk.ffi.from_buffer(counts)
+        code = fn.vkGetQueryPoolResults(handle, pool, 0, 1, counts.nbytes, into, counts.nbytes, flags)
         vk.check(code, "vkGetQueryPoolResults")
-        return int(found[0])
+        return int(counts[0])
 
     try:
         yield counting, read

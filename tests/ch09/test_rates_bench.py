@@ -81,11 +81,11 @@ def check_rates(record):
     flips = all(row["flip"] is not None for row in record["rows"])
     for way in {way for way, _ in rows}:
         full = rows[way, rates.FULL]
-        assert (full["share"], full["pixels_differ"], full["times"]) == (1.0, 0.0, 1.0)
+        assert (full["share"], full["pixels_differ"]) == (1.0, 0.0) and full["times"] in (1.0, None)
         assert full["flip"] == (0.0 if flips else None) and full["mask_ms"] == full["edges_ms"] == 0.0
         for name, share in (("all coarse", 1 / 4), ("all coarse, 4x4", 1 / 16)):
             assert rows[way, name]["share"] == share and rows[way, name]["pixels_differ"] > 0.05
-        sobel = rows[way, "sobel 0.1, surface 0.1"]
+        sobel = rows[way, "sobel 0.1/0.1"]
         # The turns alone: an eighth of the texels is lit in full.
         assert 1 / 4 + 3 / 4 / 8 - 1e-9 <= sobel["share"] < 1.0
         assert sobel["pixels_differ"] < 0.05
@@ -114,9 +114,27 @@ def test_times_are_sums_of_their_passes(lit_by_compute):
     for row in lit_by_compute["rows"]:
         assert row["ms"] == pytest.approx(sum(row[f"{name}_ms"] for name in rates.GROUPS))
         assert all(row[f"{name}_ms"] >= 0.0 <= row[f"{name}_noise_ms"] for name in rates.GROUPS)
-        assert row["ms"] > 0.0 and row["times"] > 0.0 and row["times_noise"] >= 0.0
+        if row["ms"]:  # the clock of a busy machine may find none of these short times
+            assert row["times"] == pytest.approx(lit_by_compute["rows"][0]["ms"] / row["ms"])
+        else:
+            assert row["times"] is row["times_noise"] is None
         if row["settings"]["rate_policy"] != "sobel":
             assert row["edges_ms"] == 0.0
+
+
+@pytest.fixture(scope="module", params=DRIVEN)
+def stamped(request):
+    """Return the record of a device that is taken to be none in software: it is measured by timestamps."""
+    ways = {"passes": rates.WAYS["passes"]}
+    return measured(request, rates, WAYS=ways, FEW=rates.FEW[:1], is_software=lambda subject: False)
+
+
+def test_timestamps_are_those_of_frames_that_nothing_looks_into(stamped):
+    full, sobel = stamped["rows"]
+    assert not stamped["clock"] and (full["name"], sobel["name"]) == (rates.FULL, "sobel 0.1/0.1")
+    assert full["mask_ms"] == full["edges_ms"] == 0.0 < full["light_ms"] and full["times"] == 1.0
+    assert min(sobel[f"{name}_ms"] for name in rates.GROUPS) > 0.0
+    assert "on the GPU" in shown(rates, stamped)
 
 
 @pytest.mark.needs("matplotlib")
@@ -124,7 +142,7 @@ def test_the_table_says_all_rows_and_the_plot_has_a_line_for_each_way(lit_by_fra
     rated = lit_by_fragments
     text = shown(rates, rated)
     assert all(row["name"] in text and row["way"] in text for row in rated["rows"])
-    assert "means over the 8 frames of a turn" in text
+    assert "means over the 8 frames of a turn" in text and "counts the fragments" in text
     ways = dict.fromkeys(row["way"] for row in rated["rows"])
     assert drawn(rates, rated) == [f"atrium, {way}" for way in ways]
     assert len(dict(figures.PARTS["rates"]({"rates": rated}))) == len(rated["rows"])

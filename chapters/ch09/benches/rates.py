@@ -53,8 +53,9 @@ Row = tuple[str, dict[str, Any]]
 
 
 def _sobel(threshold: float, surface: float) -> Row:
+    """Return a row of the edges of the last picture; both thresholds are in its name."""
     values = {"rate_policy": "sobel", "rate_threshold": threshold, "rate_surface": surface}
-    return f"sobel {threshold:g}, surface {surface:g}", values
+    return f"sobel {threshold:g}/{surface:g}", values
 
 
 def _radial(radius: float) -> Row:
@@ -104,7 +105,7 @@ def measure(subject: Subject, effort: Effort, step: Callable[[str, float], None]
     Of a row, `share` are invocations for each pixel of the picture, by the mask, and `counted` are those that the
     device counts in one frame, with `counted_mask` those of that frame's mask. None stands where nothing counts
     fragments. `flip` and `pixels_differ` (a share) are against the full rate. `ms` is the sum of `mask_ms`, `edges_ms`
-    and `light_ms`, and `times` is `ms` of the full rate divided by it.
+    and `light_ms`, and `times` is `ms` of the full rate divided by it, None where the clock finds no time.
     """
     if KNOB not in knobs(subject.settings_class):
         return None
@@ -127,10 +128,8 @@ def measure(subject: Subject, effort: Effort, step: Callable[[str, float], None]
                     continue
                 figures, truth = found
                 full = full or figures
-                faster = {
-                    "times": full["ms"] / max(figures["ms"], 1e-6),
-                    "times_noise": _noise(full, figures),
-                }
+                ratio = full["ms"] / figures["ms"] if figures["ms"] else None
+                faster = {"times": ratio, "times_noise": _noise(ratio, full, figures)}
                 rows.append({"scene": name, "way": way, "name": row, "settings": values, **figures, **faster})
     return {
         "size": list(subject.size),
@@ -149,10 +148,11 @@ def settings_of(subject: Subject, **values: Any) -> Any:
     return replaced(settings, **{name: value for name, value in exact.items() if name in known})
 
 
-def _noise(full: dict[str, Any], row: dict[str, Any]) -> float:
-    """Return the noise of the ratio of two times."""
-    parts = (one["noise_ms"] / max(one["ms"], 1e-6) for one in (full, row))
-    return math.hypot(*parts) * float(full["ms"]) / max(row["ms"], 1e-6)
+def _noise(ratio: float | None, *times: dict[str, Any]) -> float | None:
+    """Return the noise of the ratio of two times; None without a ratio, or where the first of the times is 0."""
+    if not ratio:
+        return None
+    return ratio * math.hypot(*(float(one["noise_ms"]) / float(one["ms"]) for one in times))
 
 
 # --- one row ----------------------------------------------------------------------------------------------------------
@@ -288,21 +288,19 @@ def _counted(renderer: Any, view: View, size: tuple[int, int]) -> dict[str, floa
 def show(record: dict[str, Any], to: Console) -> None:
     """Print the rows as a table for each scene, and the results as sentences."""
     width, height = record["size"]
-    for scene in dict.fromkeys(row["scene"] for row in record["rows"]):
+    unit = "ms by the clock" if record["clock"] else "ms on the GPU"
+    for scene, way in dict.fromkeys((row["scene"], row["way"]) for row in record["rows"]):
         shown = table(
-            f"Shading rates, {scene}, {width}x{height}, ms {'by the clock' if record['clock'] else 'on the GPU'}",
-            *("lit by", "", ">lit %", ">counted %", ">mask", ">edges", ">light", ">ms", ">±", ">times", ">±"),
-            *(">FLIP", ">differ %"),
+            f"Shading rates by {way}, {scene}, {width}x{height}, {unit}",
+            *("", ">lit %", ">mask", ">edges", ">light", ">times", ">±", ">FLIP", ">differ %"),
         )
         for row in record["rows"]:
-            if row["scene"] == scene:
+            if (row["scene"], row["way"]) == (scene, way):
                 shown.add_row(
-                    row["way"],
                     row["name"],
-                    *(_percent(row[name]) for name in ("share", "counted")),
+                    _percent(row["share"]),
                     *(f"{row[f'{name}_ms']:.3g}" for name in GROUPS),
-                    *(f"{row[name]:.3g}" for name in ("ms", "noise_ms")),
-                    *(f"{row[name]:.2f}" for name in ("times", "times_noise")),
+                    *(_ratio(row[name]) for name in ("times", "times_noise")),
                     "-" if row["flip"] is None else f"{row['flip']:.4f}",
                     _percent(row["pixels_differ"]),
                 )
@@ -311,29 +309,36 @@ def show(record: dict[str, Any], to: Console) -> None:
         to.print(line, soft_wrap=True)
 
 
-def _percent(value: float | None) -> str:
-    return "-" if value is None else f"{100 * value:.1f}"
+def _percent(value: float) -> str:
+    return f"{100 * value:.1f}"
+
+
+def _ratio(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f}"
 
 
 def sentences(record: dict[str, Any]) -> list[str]:
     """Return the results as sentences."""
     lines = [
         f"FLIP, lit and differing pixels are means over the {record['turn']} frames of a turn, against the full rate "
-        "of the same graph. Times have the mask, its edges and all passes that light."
+        "of the same graph. The ratio of times counts the mask, its edges and all passes that light. Sobel has "
+        "rate_threshold/rate_surface in its name, radial its radius."
     ]
     rows = [row for row in record["rows"] if row["name"] != FULL]
     for scene, way in dict.fromkeys((row["scene"], row["way"]) for row in rows):
-        good = [
-            row
-            for row in rows
-            if (row["scene"], row["way"]) == (scene, way) and row["flip"] is not None and row["flip"] < GOOD
-        ]
+        alike = [row for row in rows if (row["scene"], row["way"]) == (scene, way) and row["times"]]
+        good = [row for row in alike if row["flip"] is not None and row["flip"] < GOOD]
         if good:
             best = max(good, key=lambda row: float(row["times"]))
             lines.append(
                 f"{scene}, {way}: with FLIP below {GOOD:g}, the fastest is {best['name']}: {best['times']:.2f} times "
                 f"as fast as the full rate, with a FLIP of {best['flip']:.4f}."
             )
+    counted = [abs(row["counted"] / row["counted_mask"] - 1) for row in rows if row["counted"] is not None]
+    if counted:
+        lines.append(
+            f"The device counts the fragments that the masks ask for, or up to {_percent(max(counted))} % beside that."
+        )
     if record["left_out"]:
         lines.append(f"This device does not have {', '.join(record['left_out'])}.")
     elif "device" not in {row["way"] for row in rows}:
@@ -347,11 +352,11 @@ def plot(axes: Any, record: dict[str, Any]) -> None:
     rows = [row for row in record["rows"] if row["name"] != FULL]
     for scene, way in dict.fromkeys((row["scene"], row["way"]) for row in rows):
         points = [
-            (1 / max(row["times"], 1e-6), row[error])
+            (1 / row["times"], row[error])
             for row in rows
-            if (row["scene"], row["way"]) == (scene, way)
+            if (row["scene"], row["way"]) == (scene, way) and row["times"]
         ]
-        axes.plot(*zip(*points, strict=True), "o", ms=4, label=f"{scene}, {way}")
+        axes.plot([x for x, _ in points], [y for _, y in points], "o", ms=4, label=f"{scene}, {way}")
     axes.axvline(1.0, color="0.6", lw=0.8)
     axes.set_xlabel("time of the full rate")
     axes.set_ylabel("FLIP" if error == "flip" else "share of pixels that differ")
