@@ -226,6 +226,6 @@ def plot(axes: Any, record: dict[str, Any]) -> None:
     axes.axhline(1.0, color="0.6", lw=0.8)
     axes.set_xscale("log", base=2)
     axes.set_xlabel("steps of the loop")
-    axes.set_ylabel("time of the pushed length")
+    axes.set_ylabel("time / time of the pushed length")
     axes.set_title("Constant loops", fontsize=10)
     axes.legend(fontsize=8)

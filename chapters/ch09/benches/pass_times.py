@@ -7,6 +7,7 @@ changes no result for passes that write the same again.
 
 from __future__ import annotations
 
+import math
 import time as clock
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -22,7 +23,7 @@ Groups = Mapping[str, tuple[str, ...]]
 """Beginnings of the names of passes, by what they are called together."""
 
 Times = dict[str, tuple[float, float]]
-"""The median of each group in ms, and its noise."""
+"""The time of each group in ms, and its noise: the median by timestamps, the least by the clock."""
 
 
 def is_software(subject: Subject) -> bool:
@@ -45,30 +46,35 @@ def _by_stamps(renderer: Any, views: Iterator[View], groups: Groups, frames: int
 
 
 def _by_clock(renderer: Any, views: Iterator[View], groups: Groups, frames: int) -> Times:
-    found: Times = {}
-    for group, beginnings in groups.items():
-        passes = [one for one in renderer.passes if one.name.startswith(beginnings)]
-        if not passes:
-            found[group] = 0.0, 0.0
-            continue
-        plain = _walls(renderer, views, frames)
-        with recorded_by(renderer, passes, _several_times):
-            more = _walls(renderer, views, frames)
-        longer = [(more_ms - plain_ms) / MORE for plain_ms, more_ms in zip(plain, more, strict=True)]
-        ms, noise = middle(longer)
-        found[group] = max(ms, 0.0), noise
-    return found
+    made = {
+        group: [one for one in renderer.passes if one.name.startswith(beginnings)]
+        for group, beginnings in groups.items()
+    }
+    plain = _walls(renderer, views, frames)
+    more: dict[str, list[float]] = {}
+    for group, passes in made.items():
+        if passes:
+            with recorded_by(renderer, passes, _several_times):
+                more[group] = _walls(renderer, views, frames)
+    plain += _walls(renderer, views, frames)  # a machine is not alike busy before and after
+    return {group: _longer(more[group], plain) if group in more else (0.0, 0.0) for group in groups}
+
+
+def _longer(more: list[float], plain: list[float]) -> tuple[float, float]:
+    """Return the time of a group by the quickest frames, which a busy machine disturbs least, and its noise."""
+    noise = math.hypot(middle(more)[1], middle(plain)[1])
+    return max(min(more) - min(plain), 0.0) / MORE, noise / MORE
 
 
 def _walls(renderer: Any, views: Iterator[View], frames: int) -> list[float]:
-    """Return ms of frames by the clock, the shortest first. The frame before them is recorded anew."""
+    """Return ms of frames by the clock. The frame before them is recorded anew."""
     walls = []
     for number in range(1 + frames):
         began = clock.perf_counter()
         len(renderer.render(next(views)).timings)  # waits for the frame
         if number:
             walls.append((clock.perf_counter() - began) * 1e3)
-    return sorted(walls)
+    return walls
 
 
 Record = Callable[[Any], None]
