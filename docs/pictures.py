@@ -52,7 +52,7 @@ FOLDER = ROOT / "docs" / "pictures"
 CHAPTER = 1
 
 STUDY_SIZE = (240, 160)
-STUDY_SIZES = {"linear-depth": (360, 240), "bias-explorer": (576, 320)}
+STUDY_SIZES = {"linear-depth": (360, 240), "bias-explorer": (576, 320), "constant-loop": (352, 200)}
 """Of studies whose pictures are tables."""
 STUDY_TIMES = {
     "rotating-cube": 0.4,
@@ -73,8 +73,10 @@ STUDY_SETTINGS = {
     "bias-explorer": {"turn": 45.0},
 }
 """Settings with which every driver can draw a study's picture, or it says more."""
-WITH_STUDIES = (1, 2, 3, 4, 5, 6, 7, 8)
+WITH_STUDIES = (1, 2, 3, 4, 5, 6, 7, 8, 9)
 """The chapters that have studies."""
+BY_FIGURES = {"9/shading-rates"}
+"""Studies that no software driver draws: a figure shows what they do."""
 
 
 def halved(codes: NDArray[np.uint8]) -> NDArray[Any]:
@@ -272,6 +274,36 @@ def shadows_sheet(cell: tuple[int, int] = (264, 148)) -> NDArray[Any]:
     return np.concatenate(cells, axis=1)
 
 
+RATES = 9
+"""The chapter whose shading rates the sheet shows."""
+
+
+def rates_sheet(cell: tuple[int, int] = (264, 148), frames: int = 3, gain: float = 8.0) -> NDArray[Any]:
+    """Return (H, W, 3): the atrium at full rate, tinted by its rates, and the difference of both, `gain` times.
+
+    It is drawn four times as wide and high, since a texel of the mask has 16x16 pixels. The first frame is fine.
+    """
+    scene, drawn = load_scene(locate("atrium")), []
+    size = (4 * cell[0], 4 * cell[1])
+    for policy, tint in (("none", False), ("sobel", True), ("sobel", False)):
+        settings: Any = replaced(
+            preset(chapters.settings_class(RATES), "medium"),
+            rate_policy=policy,
+            rate_tint=tint,
+            rate_threshold=1.0,
+            rate_surface=0.3,
+        )
+        with chapters.open(RATES, "auto", scene=scene, size=size, settings=settings) as renderer:
+            view = chapters.view_of(renderer)
+            for _ in range(frames):
+                frame = renderer.render(view)
+            drawn.append(frame.image("color")[..., :3])
+    whole, tinted, blocks = drawn
+    apart = np.abs(whole.astype(np.int32) - blocks.astype(np.int32)).max(axis=-1, keepdims=True)
+    grey = np.repeat(np.clip(gain * apart, 0, 255).astype(np.uint8), 3, axis=-1)
+    return np.concatenate([halved(halved(one)) for one in (whole, tinted, grey)], axis=1)
+
+
 def pyramid_sheet(cell: tuple[int, int] = (330, 186), shown: Sequence[int] = (0, 3, 5)) -> NDArray[Any]:
     """Return (H, W, 3): a street, and levels of its depth pyramid, each texel over the pixels below it."""
     settings: Any = preset(chapters.settings_class(CULLING), "medium")
@@ -311,6 +343,7 @@ SHEETS = {
     "ch06-pyramid-levels": pyramid_sheet,
     "ch07-market": lights_sheet,
     "ch08-atrium": shadows_sheet,
+    "ch09-atrium": rates_sheet,
 }
 
 
@@ -322,6 +355,7 @@ COVERS: dict[str, int] = {
     "ch06-pyramid-levels": CULLING,
     "ch07-market": LIGHTS,
     "ch08-atrium": SHADOWS,
+    "ch09-atrium": RATES,
 }
 """The chapter that draws a sheet; GRAPH for the others."""
 
@@ -362,6 +396,7 @@ def everything() -> dict[str, Made]:
         return Made({file: inputs_of(name)}, lambda to: write_small(to / file.name, picture_of(name)))
 
     all_studies = [f"{number}/{name}" for number in WITH_STUDIES for name in studies.available(number)]
+    all_studies = [name for name in all_studies if name not in BY_FIGURES]
     found = {name: drawn(name) for name in (*SCENES, *all_studies, *SHEETS)}
     for name, figure in figures.figures().items():
         found[name] = Made(

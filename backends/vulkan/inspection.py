@@ -64,11 +64,11 @@ class Inspection:
         return tuple(self.readbacks[0])
 
     def _tap_in_slots(self, name: str, access: Access, images: Sequence[Image]) -> None:
-        made: dict[int, _Tap] = {}  # by image: most are those of all slots
+        taps: dict[int, _Tap] = {}  # by image: most are those of all slots
         for slot, image in enumerate(images):
-            if id(image) not in made:
-                made[id(image)] = self._tap(name, access, image)
-            tap = made[id(image)]
+            if id(image) not in taps:
+                taps[id(image)] = self._tap(name, access, image)
+            tap = taps[id(image)]
             readback = Readback(self._device, tap.source, f"{name} {image.name}, slot {slot}")
             self._taps[slot].setdefault(name, []).append(replace(tap, readback=readback))
             self.readbacks[slot][f"{name}/{access.resource}"] = readback

@@ -68,8 +68,12 @@ class Subject(Protocol):
         outputs: set[str],
         size: tuple[int, int] | None = None,
         without: Iterable[str] = (),
+        inspect: bool = False,
     ) -> AbstractContextManager[Any]:
-        """Return a renderer to be entered, without some features; the size is the subject's, if no other is given."""
+        """Return a renderer to be entered, without some features; the size is the subject's, if no other is given.
+
+        With `inspect`, what each pass writes can be read: `frame.image("pass/resource")`.
+        """
 
     def view(self, renderer: Any) -> View:
         """Return the first view of a renderer's scene."""

@@ -129,8 +129,20 @@ GIVEN_FROM_8 = {
     "SHADOW_LIGHTS": 8,
     "SHADOW_MOVING": 4,
 }
-GIVEN_IN = {
+GIVEN_FROM_9 = {
+    "COARSE": "5u",
+    "COARSE_SIDE": 2,
+    "RATE": "5u",
+    "RATE_AREA": 32,
+    "RATE_FORMAT": "r32ui",
+    "RATE_TEXEL": 16,
+    "SURFACE": 0.1,
+    "TILE": 16,
+}
+GIVEN_IN: dict[str, dict[str, int | float | str | None]] = {
     "ssao": {"STEP": "ivec2(1, 0)"},
+    "rates": {"RADIUS": None},  # a condition here
+    "shading_rates": {"COLUMNS": 8, "ROWS": 6, "BY_PRIMITIVE": 1},
     "transparency": {"STEP": 1},
     "separable_bloom": {"TAPS": ", ".join(["1.0"] * 11), "AXIS": 0},
     "linear_depth": {"CARDS": 7, "NEAREST": 1.5, "FLOOR": 1.0, "STANDARD": 0},
@@ -147,7 +159,7 @@ GIVEN_IN = {
     "sparse_texture": {"SPARSE": 1, "TILE": 128, "ACROSS": 8},
     "sparse_buffer": {"WORDS": 16384, "PLACES": 64},
 }
-"""The same in folders of chapters 7 and 8, where others have other things of these names."""
+"""The same in folders of chapters 7 to 9, where others have other things of these names; None where it is not given."""
 VIEWS = 13
 OWN = ("GL_", "INCLUDED_", "VIEW_OF")  # macros that are not the host's
 
@@ -166,11 +178,13 @@ def built(path, defines):
         (GIVEN_FROM_6, "ch06"),
         (GIVEN_FROM_7, "ch07"),
         (GIVEN_FROM_8, "ch08"),
+        (GIVEN_FROM_9, "ch09"),
         *((it, "ch07") for folder, it in GIVEN_IN.items() if folder in own),
     ]
-    given: dict[str, int | float | str] = {}
+    host: dict[str, int | float | str | None] = {}
     for more, first in later:
-        given |= more if own[0] == "chapters" and own[1] >= first else {}
+        host |= more if own[0] == "chapters" and own[1] >= first else {}
+    given = {name: value for name, value in host.items() if value is not None}
     given |= {name: value for name, value in defines.items() if own[-2] not in GIVEN_IN or name not in given}
     own_text = path.read_text("utf-8")
     mesh = ["GL_EXT_mesh_shader"] if path.suffix in (".task", ".mesh") else []

@@ -72,4 +72,4 @@ def test_other_images_have_no_history():
 
 
 def test_bits_are_those_of_the_frame_constants():
-    assert BITS["history_frame"] == layouts.HISTORY_FRAME and len(set(BITS.values())) == len(BITS) == 8
+    assert BITS["history_frame"] == layouts.HISTORY_FRAME and len(set(BITS.values())) == len(BITS) == 9

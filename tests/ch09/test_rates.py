@@ -62,7 +62,7 @@ def by_pixel(mask, size=SIZE):
 
 
 @pytest.mark.feature("vrs/software")
-@pytest.mark.parametrize("coarse", ["2x2", "4x4"])
+@pytest.mark.parametrize("coarse", ["2x2", pytest.param("4x4", marks=pytest.mark.core)])
 def test_blocks_have_the_light_of_one_pixel_and_all_others_their_own(chapter, scene, coarse):
     """Bit for bit, against a frame in which each pixel is lit."""
     full = opened(chapter, scene, rate_policy="none", inspect=False)
@@ -115,7 +115,7 @@ def test_views_and_multisampling_have_no_mask(chapter, scene):
 
 @pytest.mark.feature("vrs/sobel-mask")
 def test_edges_are_those_of_a_gradient_in_float64(chapter, scene):
-    """Texels in which no gradient is within 1e-5 of the threshold: codes of luminance are right to some units of 2^-24."""
+    """In texels with no gradient within 1e-5 of the threshold: codes of luminance are right to some units of 2^-24."""
     with opened(chapter, scene) as renderer:
         frame = renderer.render(VIEW)
         light, edges = frame.image("color_linear").astype(np.float64), codes(frame, EDGES)
@@ -128,17 +128,26 @@ def test_edges_are_those_of_a_gradient_in_float64(chapter, scene):
 
 @pytest.mark.feature("vrs/sobel-mask")
 def test_a_tile_shows_no_seam(chapter, scene):
-    """The gradient is that of the whole picture, borders included: a shifted threshold finds single pixels."""
+    """Gradients at the borders of a work group's tile are those of the whole picture, as thresholds tell.
+
+    With tiles that end with their own pixels some texels would have another gradient.
+    """
     with opened(chapter, scene) as renderer:
-        frame = renderer.render(VIEW)
-        squared = twin.squared_gradient(twin.luminance_code(frame.image("color_linear").astype(np.float64)))
-    most = np.sort(twin.most_of_texels(squared, TEXEL).reshape(-1))
-    # Between any two texels a threshold tells them apart, also where the greatest gradient lies at a border of a texel.
-    for low, high in zip(most[1:-1:3], most[2::3], strict=False):
-        if high - low > 1e-4 and low > 0:
-            with opened(chapter, scene, rate_threshold=float((low + high) / 2)) as renderer:
-                edges = codes(renderer.render(VIEW), EDGES)
-            assert (edges == 0).sum() == (most > (low + high) / 2).sum()
+        code = twin.luminance_code(renderer.render(VIEW).image("color_linear").astype(np.float64))
+    whole, apart = twin.squared_gradient(code), np.zeros_like(code)
+    tile = 16
+    for row, column in np.ndindex(-(-code.shape[0] // tile), -(-code.shape[1] // tile)):
+        own = np.s_[row * tile : (row + 1) * tile, column * tile : (column + 1) * tile]
+        apart[own] = twin.squared_gradient(code[own])
+    most, of_tiles = (twin.most_of_texels(squared, TEXEL) for squared in (whole, apart))
+    seams = (most > 1.5 * of_tiles) & (most > 1e-3)
+    assert seams.sum() > 3, "the greatest gradient of some texels lies at a border"
+    for threshold in np.sort(np.sqrt(most * of_tiles)[seams])[::2]:
+        sure = abs(most - threshold) > 1e-5
+        with opened(chapter, scene, rate_threshold=float(threshold)) as renderer:
+            edges = codes(renderer.render(VIEW), EDGES) == 0
+        assert np.array_equal(edges[sure], (most > threshold)[sure])
+        assert not np.array_equal(edges, of_tiles > threshold)
 
 
 @pytest.mark.feature("vrs/sobel-mask")
@@ -150,7 +159,7 @@ def test_each_texel_is_lit_in_full_within_eight_frames(chapter, scene):
 
 
 @pytest.mark.feature("vrs/rate-policies")
-@pytest.mark.parametrize("radius", [0.0, 0.3, 4.0])
+@pytest.mark.parametrize("radius", [0.0, pytest.param(0.3, marks=pytest.mark.core), 4.0])
 def test_a_radial_mask_lights_each_pixel_near_the_middle(chapter, scene, radius):
     with opened(chapter, scene, rate_policy="radial", rate_radius=radius) as renderer:
         frame = renderer.render(VIEW)
@@ -160,6 +169,28 @@ def test_a_radial_mask_lights_each_pixel_near_the_middle(chapter, scene, radius)
     away = np.hypot(x - SIZE[0] / 2, y - SIZE[1] / 2) / SIZE[1]
     wanted = twin.most_of_texels(-away, TEXEL) >= -radius
     assert np.array_equal(mask == 0, wanted)
+
+
+@pytest.mark.feature("vrs/rate-policies")
+def test_another_policy_changes_the_kernel_of_the_mask_and_nothing_else(chapter, scene):
+    """All other passes, images and pipelines are the same. Edges are found for the policy that reads them."""
+    found = {}
+    for policy in ("sobel", "radial"):
+        with opened(chapter, scene, inspect=False, rate_policy=policy) as renderer:
+            renderer.render(VIEW).image("color")
+            images = {
+                (name, kept.format, kept.size)
+                for name, kept in renderer.graph.resources.items()
+                if "history" not in name
+            }
+            pipelines = {built.described for it in renderer.passes for built in it.pipelines}
+            found[policy] = [step.name for step in renderer.graph.steps], images, pipelines
+    (steps, images, pipelines), (of_radial, *others) = found["sobel"], found["radial"]
+    assert sorted(steps) == sorted([*of_radial, "rate_edges"]) and images == others[0]
+    differ = pipelines ^ others[1]
+    assert sorted(described.name for described in differ) == ["rate_edges", "rate_mask", "rate_mask"]
+    masks = [described for described in differ if described.name == "rate_mask"]
+    assert masks[0].shader == masks[1].shader and masks[0].defines != masks[1].defines
 
 
 @pytest.mark.feature("vrs/sobel-mask")

@@ -24,8 +24,8 @@ from chapters.ch09.pipelines.vulkan import Pipelines
 from chapters.ch09.pipelines.vulkan_cache import PipelineCache
 from chapters.ch09.settings import Settings
 from chapters.ch09.shadows import model as shadows
-from common.errors import ShaderError
-from common.settings import replaced
+from common.errors import SettingError, ShaderError
+from common.settings import apply_overrides, replaced
 from tests.support.chapter import Chapter
 from tests.support.disassembly import disassembled
 from tests.support.jumble import CAMERA
@@ -202,7 +202,7 @@ def test_values_have_the_bytes_of_their_type_and_what_does_not_fit_is_refused():
 
 
 @constants
-@pytest.mark.parametrize("taps", [1, 1024])
+@pytest.mark.parametrize("taps", [1, pytest.param(1024, marks=pytest.mark.core)])
 def test_a_constant_loop_equals_the_sum_and_the_dynamic_loop(kernels, shader, taps):
     """Each of N terms is rounded, and so is each addition: N + 2 roundings of 2^-24, of the sum of magnitudes."""
     count, file = 1500, shader(SUM)
@@ -223,6 +223,7 @@ def test_a_constant_loop_equals_the_sum_and_the_dynamic_loop(kernels, shader, ta
 
 
 @constants
+@pytest.mark.core
 def test_equal_values_share_a_pipeline_and_other_values_have_another(kernels, shader):
     file, before = shader(SUM), len(kernels.pipelines)
     one, many, plain = (
@@ -428,7 +429,7 @@ def test_a_work_group_read_back_has_the_size_of_a_subgroup(chapter, kernels, sha
 
 
 @constants
-@pytest.mark.variants("vulkan", "gl")
+@pytest.mark.variants("vulkan", "gl", long=("gl",))
 def test_a_report_that_a_subgroup_copies_at_a_time_is_that_of_the_chapter_before(chapter):
     """There a work group copies 64 words. Every word arrives: as many tiles get memory, and the picture is the same."""
     scene = yard(spot((1.5, 4.0, 1.0), (0.0, 0.0, 0.0)), point((-1.5, 2.5, 1.0)))
@@ -523,6 +524,22 @@ def test_a_constant_radius_of_the_shadow_filter_has_the_bits_of_the_record(chapt
         assert constant.max() > 0 and np.array_equal(constant, record), kernel
         assert before is None or not np.array_equal(before, constant), "another kernel is another picture"
         before = constant
+
+
+@constants
+@pytest.mark.parametrize(
+    ("knob", "said"),
+    [
+        ("ssao_steps=0", "must be 1 to 16, not '0'"),
+        ("ssao_steps=17", "must be 1 to 16, not '17'"),
+        ("ssao_steps=2.5", "must be a whole number, not '2.5'"),
+        ("shadow_loop=unrolled", "must be one of auto, constant, record, not 'unrolled'"),
+    ],
+)
+def test_counts_out_of_range_are_one_sentence(knob, said):
+    with pytest.raises(SettingError) as refused:
+        apply_overrides(Settings(), [knob])
+    assert str(refused.value) == f"setting {knob.partition('=')[0]} {said}"
 
 
 def test_only_kernels_that_gain_are_constants():

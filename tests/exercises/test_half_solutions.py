@@ -64,6 +64,11 @@ PLACES = ("clusters/which.py", "return [int(light) for light in words[HEADER + p
 KEPT = ("hdr/adapt.comp", "vec4(later, now, state, mean)")
 LAYERS = ("transparency/sort.glsl", "    uint count = end - begin;\n")
 TIES = ("transparency/sort.glsl", "a.y > b.y;\n    }\n    return a.z != b.z ? a.z > b.z : a.w > b.w;")
+TURN = ("rates/sobel.glsl", "frame.frame_index) & 7u) == 0u;")
+LIT = ("rates/codes.glsl", "min(origin + block / 2, size - 1)")
+REPLACES = ("rates/vulkan.py", "vk.VK_FRAGMENT_SHADING_RATE_COMBINER_OP_REPLACE_KHR")
+PROGRAM = ("pipelines/gl_specialization.py", 'f"{source.key} {sorted(values.items())}"')
+EDGE = ("rates/picture.py", "~(squared <= threshold)")
 
 CASES = {
     "normalised, and still by the matrix of positions": (
@@ -562,6 +567,56 @@ CASES = {
         ),
         "before an eye",
     ),
+    "greater than the threshold": (
+        (9, "mask-of-a-picture"),
+        (*EDGE, "squared > threshold"),
+        "a pixel that is no number",
+    ),
+    "Sobel alone": (
+        (9, "mask-of-a-picture"),
+        ("rates/picture.py", "[across**2 + down**2, right**2, below**2]", "[across**2 + down**2]"),
+        "stripes of one pixel",
+    ),
+    "a step for two frames": (
+        (9, "sleeping-squares"),
+        (*TURN, "(frame.frame_index >> 1)) & 7u) == 0u;"),
+        "squares are lit by blocks in each of 8 frames",
+    ),
+    "always": (
+        (9, "sleeping-squares"),
+        (*TURN, "frame.frame_index) & 0u) == 0u;"),
+        "In 8 of 8 frames",
+    ),
+    "not within the picture": (
+        (9, "corner-of-a-block"),
+        (*LIT, "origin + block / 2"),
+        "over the edge of the picture",
+    ),
+    "half of what is left": (
+        (9, "corner-of-a-block"),
+        (*LIT, "min(origin + (block - 1) / 2, size - 1)"),
+        "inside of the picture",
+    ),
+    "both keep": (
+        (9, "nothing-happens"),
+        (*REPLACES, "vk.VK_FRAGMENT_SHADING_RATE_COMBINER_OP_KEEP_KHR"),
+        "a fragment covers 1x1 pixels",
+    ),
+    "the finer one": (
+        (9, "nothing-happens"),
+        (*REPLACES, "vk.VK_FRAGMENT_SHADING_RATE_COMBINER_OP_MIN_KHR"),
+        "a fragment covers 1x1 pixels",
+    ),
+    "values without ids": (
+        (9, "one-program-for-two"),
+        (*PROGRAM, 'f"{source.key} {sorted(values.values())}"'),
+        "has the key of the same shader with",
+    ),
+    "ids and values without the text": (
+        (9, "one-program-for-two"),
+        (*PROGRAM, 'f"{source.stage} {sorted(values.items())}"'),
+        "different texts have one key",
+    ),
 }
 
 
@@ -706,6 +761,14 @@ RIGHT = {
         (2, "reused-slot"),
         (*DEFERRED, "self._resources.defer(lambda kind=kind, slot=slot: self._give_back(kind, slot))"),
     ),
+    "not above": ((9, "mask-of-a-picture"), (*EDGE, "np.logical_not(squared <= threshold)")),
+    "by a remainder": ((9, "sleeping-squares"), (*TURN, "frame.frame_index) % 8u) == 0u;")),
+    "by a shift": ((9, "corner-of-a-block"), (*LIT, "min(origin + (block >> 1), size - 1)")),
+    "the coarser one": (
+        (9, "nothing-happens"),
+        (*REPLACES, "vk.VK_FRAGMENT_SHADING_RATE_COMBINER_OP_MAX_KHR"),
+    ),
+    "the text itself": ((9, "one-program-for-two"), (*PROGRAM, "(source.key + text)")),
 }
 """Solutions that differ from the one of the exercise, and are right."""
 

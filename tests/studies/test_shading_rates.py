@@ -27,10 +27,8 @@ from common.images.palette import id_color
 from tests.support.bounds import codes_off
 from tests.support.drivers import needs_feature
 
-DRAWS, PRIMITIVES = (
-    pytest.mark.feature("vrs/per-draw-rate"),
-    pytest.mark.feature("vrs/per-primitive-rate"),
-)
+DRAWS = pytest.mark.feature("vrs/per-draw-rate")
+PRIMITIVES = pytest.mark.feature("vrs/per-primitive-rate")
 only_vulkan = pytest.mark.parametrize("stage", ["vulkan"], indirect=True, scope="module")
 WHICH, SIZE, SIDE = "9/shading-rates", (261, 194), 32
 RATES = ("1x1", "1x2", "2x1", "2x2", "2x4", "4x2", "4x4")
@@ -76,14 +74,20 @@ def marked_cells(source):
     return (row + column) % 2 == 1 if source in ("vertex", "mesh") else row >= 3
 
 
-def expected(source, width, height):
-    """Return the picture, (H, W, 3) in codes: rings at the middle of each block, in the colour of its rate."""
+def expected(source, width, height, shown=None):
+    """Return the picture, (H, W, 3) in codes: rings at the middle of each block, in the colour of its rate.
+
+    `shown` are cells (6, 8) by a code whose colour they have, though their blocks have another.
+    """
     y, x = np.mgrid[0 : SIZE[1], 0 : SIZE[0]]
     inside = (x < 8 * SIDE) & (y < 6 * SIDE)
     cells = marked_cells(source)[np.minimum(y // SIDE, 5), np.minimum(x // SIDE, 7)]
     w, h = np.where(cells, width, 1), np.where(cells, height, 1)
     code = {1: 0, 2: 1, 4: 2}
-    number = np.where(cells, code[width] << 2 | code[height], 0).astype(np.uint32)
+    number = np.where(cells, code[width] << 2 | code[height], 0)
+    for other, at in (shown or {}).items():
+        number = np.where(at[np.minimum(y // SIDE, 5), np.minimum(x // SIDE, 7)], other, number)
+    number = number.astype(np.uint32)
     at = np.stack([x // w * w + w / 2, y // h * h + h / 2], -1) / SIDE - np.array([4, 3])
     wave = np.abs(2 * ((0.5 * (at**2).sum(-1)) % 1) - 1)
     lit = id_color(number.reshape(-1)).reshape(*number.shape, 3) * (0.25 + 0.75 * wave)[..., None]
@@ -162,7 +166,98 @@ def test_what_the_device_lacks_is_one_sentence(stage, monkeypatch):
     assert stage.device.alive == alive
 
 
+@DRAWS
+@PRIMITIVES
+def test_the_command_line_says_so_too_and_draws_nothing(strata, tmp_path):
+    for source in ("pipeline", "vertex"):
+        words = ("run", WHICH, "--without", "shading-rate", "--set", f"source={source}", "--out", "x.png")
+        code, out, err = strata(*words)
+        assert (code, out) == (2, "") and not (tmp_path / "x.png").exists()
+        assert " ".join(err.split()) == (
+            "strata: The study shading-rates needs shading-rate, but it is switched off by --without."
+        )
+
+
 # --- on any machine ---------------------------------------------------------------------------------------------------
+
+OWN_FINISHED = rated.RatedPipelines._finished
+STATE, DYNAMIC_RATE = 1000226001, 1000226000
+"""VkPipelineFragmentShadingRateStateCreateInfoKHR and VK_DYNAMIC_STATE_FRAGMENT_SHADING_RATE_KHR, from vk.xml."""
+
+
+@pytest.fixture
+def asked(stage, monkeypatch, tmp_path):
+    """Let the study draw on a device without shading rates, and return what it asks for in pipelines and commands.
+
+    What belongs to the extension is noted and not handed on. In place of the rate of a primitive, shaders write and
+    read a variable with the same code, so the picture shows which primitives have which rate. Fragments stay single.
+    """
+    needs_feature(stage.device, "pipeline-statistics")
+    files = []
+    for name, way in (("cell.vert", "out"), ("rings.frag", "in")):
+        text = (chapters.folder_of(9) / "studies/shading_rates" / name).read_text("utf-8")
+        begin = f"layout(location = 1) flat {way} int rate_code;\nvoid main() {{\n"
+        for old, new in (
+            ("#extension GL_EXT_fragment_shading_rate : require\n", ""),
+            ('"cells.glsl"', '"studies/shading_rates/cells.glsl"'),
+            ("void main() {\n", begin + "    rate_code = 0;\n" * (way == "out")),
+            ("gl_PrimitiveShadingRateEXT" if way == "out" else "gl_ShadingRateEXT", "rate_code"),
+        ):
+            assert text.count(old) == 1
+            text = text.replace(old, new)
+        files.append(tmp_path / name)
+        files[-1].write_text(text, "utf-8")
+    found = SimpleNamespace(states={}, commands=[])
+
+    def finished(described, info):
+        state = OWN_FINISHED(
+            described, vk.new("VkGraphicsPipelineCreateInfo", pDynamicState=info.pDynamicState)
+        )
+        rate = vk.ffi.cast("VkPipelineFragmentShadingRateStateCreateInfoKHR *", state.pNext)
+        dynamic = state.pDynamicState
+        by_command = DYNAMIC_RATE in dynamic.pDynamicStates[0 : dynamic.dynamicStateCount]
+        assert rate.sType == STATE
+        size = (rate.fragmentSize.width, rate.fragmentSize.height)
+        found.states[described.name] = (size, list(rate.combinerOps), by_command)
+        return info
+
+    def command(handle, extent, combiners):
+        found.commands.append(((extent.width, extent.height), list(combiners)))
+
+    monkeypatch.setattr(rated.RatedPipelines, "_finished", staticmethod(finished))
+    monkeypatch.setattr(vulkan, "check_device", lambda *given: None)
+    monkeypatch.setattr(vulkan, "shaders", lambda settings: tuple(str(file) for file in files))
+    monkeypatch.setitem(stage.device.fn.__dict__, "vkCmdSetFragmentShadingRateKHR", command)
+    return found
+
+
+@DRAWS
+@PRIMITIVES
+@only_vulkan
+@pytest.mark.parametrize("combiner", ["replace", "keep"])
+@pytest.mark.parametrize("source", ["none", "pipeline", "dynamic", "vertex"])
+def test_each_source_asks_for_its_rate_where_the_specification_has_it(stage, asked, source, combiner):
+    """In the state of the lower pipeline, in the command before the lower draw, or with each second cell."""
+    settings = Settings(source=source, rate="4x2", combiner=combiner)
+    with stage.open(WHICH, SIZE, settings=settings) as renderer:
+        frame = renderer.render(chapters.view_of(renderer))
+        picture, work, counts = frame.image("color")[..., :3], frame.work, renderer.last_counts
+    first = REPLACE if source == "vertex" and combiner == "replace" else KEEP
+    lower = (4, 2) if source == "pipeline" else (1, 1)
+    by_command = source == "dynamic"
+    assert asked.states == {
+        "upper": ((1, 1), [first, KEEP], by_command),
+        "lower": (lower, [first, KEEP], by_command),
+    }
+    assert asked.commands == ([((1, 1), [KEEP, KEEP]), ((4, 2), [KEEP, KEEP])] if by_command else [])
+    assert (counts == SIDE**2).all(), "without the extension each pixel runs once"
+    if stage.device.capabilities.is_software:  # hardware may count what completes a quad, too
+        assert work["fragments_upper"] == work["fragments_lower"] == work["fragments"] / 2 == 24 * SIDE**2
+    marked = {9: marked_cells("vertex")} if source == "vertex" else {}
+    off = np.abs(picture - expected(source, 1, 1, marked))
+    assert off.max() <= codes_off(stage.device) + 0.1
+    if marked:
+        assert np.abs(picture - expected(source, 1, 1)).max() > 50, "the colours of both rates are apart"
 
 
 class Device:
@@ -237,27 +332,43 @@ def test_the_state_of_a_pipeline_has_rate_and_combiners(by_command, replaced):
     assert list(dynamic.pDynamicStates[0 : dynamic.dynamicStateCount]) == states + more
 
 
-FRAGMENT_SHADING_RATE = 4422
-"""The capability FragmentShadingRateKHR, as SPIR-V numbers it."""
+FRAGMENT_SHADING_RATE, PRIMITIVE_RATE, RATE, PER_PRIMITIVE = 4422, 4432, 4444, 5271
+"""As SPIR-V numbers them: the capability FragmentShadingRateKHR, the built-ins PrimitiveShadingRateKHR and
+ShadingRateKHR, and the decoration PerPrimitiveEXT."""
 
 
-def capabilities(code):
-    """Return the capabilities of a SPIR-V module: OpCapability is number 17, two words long."""
-    words, at, found = np.frombuffer(code, np.uint32), 5, set()
-    while words[at] == (2 << 16 | 17):
-        found.add(int(words[at + 1]))
-        at += 2
-    return found
+def capabilities_and_decorations(code):
+    """Return the capabilities of a SPIR-V module, and what follows the target in its decorations, by target."""
+    words, at, needed, decorations = np.frombuffer(code, np.uint32).tolist(), 5, set(), {}
+    while at < len(words):
+        length, opcode = words[at] >> 16, words[at] & 0xFFFF
+        operands = words[at + 1 : at + length]
+        if opcode == 17:  # OpCapability
+            needed.add(operands[0])
+        if opcode in (
+            71,
+            72,
+        ):  # OpDecorate; OpMemberDecorate, whose target is a structure and the place in it
+            target, rest = tuple(operands[: opcode - 70]), tuple(operands[opcode - 70 :])
+            decorations.setdefault(target, set()).add(rest)
+        at += length
+    return needed, list(decorations.values())
 
 
 @PRIMITIVES
 @pytest.mark.parametrize("source", ["none", "pipeline", "dynamic", "vertex", "mesh"])
 def test_only_shaders_that_write_rates_ask_for_them(source):
+    """The rate that a mesh shader writes is a primitive's and not a vertex's."""
     settings = Settings(source=source)
     sources = [source_of(file, defines(settings)) for file in shaders(settings)]
-    first, fragment = (capabilities(code) for code in compile_stages([sources])[0].codes)
-    assert FRAGMENT_SHADING_RATE in fragment
-    assert (FRAGMENT_SHADING_RATE in first) == (source in ("vertex", "mesh"))
+    codes = compile_stages([sources])[0].codes
+    (needed, decorations), (of_fragment, read) = map(capabilities_and_decorations, codes)
+    built_in = 11
+    assert FRAGMENT_SHADING_RATE in of_fragment and any((built_in, RATE) in of_target for of_target in read)
+    assert (FRAGMENT_SHADING_RATE in needed) == (source in ("vertex", "mesh"))
+    written = [of_target for of_target in decorations if (built_in, PRIMITIVE_RATE) in of_target]
+    assert len(written) == (source in ("vertex", "mesh"))
+    assert [(PER_PRIMITIVE,) in of_target for of_target in written] == [source == "mesh"] * len(written)
 
 
 @DRAWS

@@ -17,10 +17,16 @@ MACHINES = {"gl": ("gl",), "vulkan": ("vulkan", "gl")}
 
 REFUSED = {
     "gl": {"2/texture-handles"},
-    "vulkan": {"2/texture-handles", "2/random-textures", "6/cluster-list", "8/sparse-buffer"},
+    "vulkan": {
+        "2/texture-handles",
+        "2/random-textures",
+        "6/cluster-list",
+        "8/sparse-buffer",
+        "9/shading-rates",
+    },
 }
 """Studies of what these drivers lack, which are refused in a sentence: bindless textures of OpenGL, and of Vulkan,
-mesh shaders, and sparse memory."""
+mesh shaders, sparse memory, and shading rates."""
 
 
 @pytest.fixture(scope="module")

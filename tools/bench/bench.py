@@ -47,6 +47,9 @@ SHADOWS = {
 }
 """The parts about shadow maps, and the benches of lessons that measure them."""
 
+RATES = {"rates": "rates", "constants": "constants"}
+"""The same of shading rates and specialization constants."""
+
 PARTS = {
     "settings": "time and error of presets and knobs",
     "prepared": "what is made before the first frame",
@@ -78,6 +81,8 @@ PARTS = {
     "cascades": "cascades of the sun by their number and size",
     "caching": "what is drawn again at rest, by a lamp that moves, and along a walk",
     "casters": "drawing the maps of 1 to 256 lights, with culling and without",
+    "rates": "invocations, time and error of shading rates, by policy and threshold",
+    "constants": "loops of a constant length, and what building their pipelines takes",
 }
 """What a bench measures; a chapter may lack any of those that come after `stability`, and `prepared`."""
 
@@ -96,6 +101,7 @@ DRAWN = {
     "transparency",
     "hdr",
     *SHADOWS,
+    *RATES,
     "settings",
     "prepared",
     "scales",
@@ -270,6 +276,7 @@ def parts_of(which: chapters.Whole, api: str, only: Sequence[str] = ()) -> tuple
         ("transparency", "transparency"),
         ("hdr", "exposure"),
         *((part, "shadow_memory") for part in SHADOWS),
+        *((part, "rate_policy") for part in RATES),
     ):
         if not hasattr(settings_class, names) and names not in knobs(settings_class):
             missing[part] = f"{spoken} names none in its settings ({names})"
@@ -365,7 +372,7 @@ def measure(
             framed["transparency"] = bench("transparency").measure(subject, effort, within(0.978, 0.979))
         if "hdr" in parts:
             framed["hdr"] = bench("hdr").measure(subject, effort, within(0.979, 0.98))
-        for part, module in SHADOWS.items():
+        for part, module in (SHADOWS | RATES).items():
             if part in parts:
                 framed[part] = bench(module).measure(subject, effort, within(0.98, 0.98, f"{part},"))
         if "stability" in parts:

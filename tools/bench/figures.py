@@ -380,6 +380,23 @@ def _casters(made: dict[str, Any]) -> Iterator[Row]:
         yield _point(f"{one['lights']} lights", one["way"]), times | _work(one, "faces")
 
 
+def _rates(made: dict[str, Any]) -> Iterator[Row]:
+    for one in (made.get("rates") or {"rows": ()})["rows"]:
+        times = _times(one, "ms", "mask_ms", "edges_ms", "light_ms")
+        errors = _errors({name: one[name] for name in ("flip", "pixels_differ")})
+        yield _point(one["scene"], one["way"], one["name"]), times | errors | _work(one, "share")
+
+
+def _constants(made: dict[str, Any]) -> Iterator[Row]:
+    held = made.get("constants") or dict.fromkeys(("loops", "builds", "frames"), ())
+    for one in held["loops"]:
+        yield f"{one['taps']} taps, {one['way']}", _times(one, "ms")
+    for one in held["builds"]:
+        yield f"a pipeline, {one['way']}", _times(one, "ms")
+    for one in held["frames"]:
+        yield f"{one['pass']}, {one['name']}", _times(one, "ms") | _work(one, "pixels_differ")
+
+
 PARTS = {
     "settings": _settings,
     "prepared": _prepared,
@@ -411,5 +428,7 @@ PARTS = {
     "cascades": _cascades,
     "caching": _caching,
     "casters": _casters,
+    "rates": _rates,
+    "constants": _constants,
 }
 """How the points of each part of a bench are found in its record."""

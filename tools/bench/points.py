@@ -175,6 +175,7 @@ class Subject:
         outputs: set[str],
         size: tuple[int, int] | None = None,
         without: Iterable[str] = (),
+        inspect: bool = False,
     ) -> Iterator[Renderer]:
         """Open the chapter without some features; the size is the bench's, if no other is given."""
         size = size or self.size
@@ -187,6 +188,7 @@ class Subject:
             outputs=outputs,
             without=without,
             device=self.device,
+            **({"inspect": True} if inspect else {}),
         ) as renderer:
             yield renderer
 

@@ -11,8 +11,8 @@ itself, where it has pipeline statistics; else the number is what the scene was 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -21,6 +21,7 @@ from rich.console import Console
 
 import chapters
 from backends.contract import Renderer
+from backends.fragments import fragments
 from common.reports.benches import Effort, difference, middle
 from common.reports.tables import table
 from common.scene.crowds import layers
@@ -120,7 +121,7 @@ def _shaded(run: _Run, size: tuple[int, int]) -> tuple[int, bool]:
     if not renderer.device.has("pipeline-statistics"):
         return size[0] * size[1] * (1 if run.prepass else run.layers), False
     made = next(one for one in renderer.passes if one.name == PATHS[run.path])
-    with _fragments(renderer.device) as (counting, read):
+    with fragments(renderer.device) as (counting, read):
         record = made.record
 
         def counted(commands: Any) -> None:
@@ -135,51 +136,6 @@ def _shaded(run: _Run, size: tuple[int, int]) -> tuple[int, bool]:
         finally:
             del made.record
             renderer._frames.forget()
-
-
-@contextmanager
-def _fragments(device: Any) -> Iterator[tuple[Callable[[Any], Any], Callable[[], int]]]:
-    """Give a context to record draws in, called with their commands, and what reads how many fragments they shaded."""
-    if device.capabilities.backend == "gl":
-        from backends.gl.queries import Statistics
-
-        statistics = Statistics(device, "shaded")
-        try:
-            yield lambda commands: statistics.count(), lambda: statistics.read()["fragment_invocations"]
-        finally:
-            statistics.close()
-        return
-    from backends.vulkan import api as vk
-
-    fn, handle = device.fn, device.handle
-    info = vk.new(
-        "VkQueryPoolCreateInfo",
-        queryType=vk.VK_QUERY_TYPE_PIPELINE_STATISTICS,
-        queryCount=1,
-        pipelineStatistics=vk.VK_QUERY_PIPELINE_STATISTIC_FRAGMENT_SHADER_INVOCATIONS_BIT,
-    )
-    pool = device.create("vkCreateQueryPool", info, "shaded fragments")
-    fn.vkResetQueryPool(handle, pool, 0, 1)
-
-    @contextmanager
-    def counting(commands: Any) -> Iterator[None]:
-        fn.vkCmdBeginQuery(commands.handle, pool, 0, 0)
-        yield
-        fn.vkCmdEndQuery(commands.handle, pool, 0)
-
-    def read() -> int:
-        found = np.zeros(1, np.uint64)
-        flags = vk.VK_QUERY_RESULT_64_BIT | vk.VK_QUERY_RESULT_WAIT_BIT
-        into = vk.ffi.from_buffer(found)
-        code = fn.vkGetQueryPoolResults(handle, pool, 0, 1, found.nbytes, into, found.nbytes, flags)
-        vk.check(code, "vkGetQueryPoolResults")
-        return int(found[0])
-
-    try:
-        yield counting, read
-    finally:
-        device.wait_idle()
-        device.destroy("VkQueryPool", pool)
 
 
 # --- what came out ----------------------------------------------------------------------------------------------------

@@ -43,6 +43,8 @@ FRAME_PARTS = {
     "cascades": "shadow_cascades",
     "caching": "shadow_caching",
     "casters": "shadow_casters",
+    "rates": "rates",
+    "constants": "constants",
 }
 """The parts of chapters whose frame is a graph, and the benches of lessons that show and draw them."""
 

@@ -58,7 +58,8 @@ def bench(
             metavar="PART",
             help="That part alone, repeatable: settings, prepared, start, stability, scales, pipelines, threads, "
             "loads, readback, graph, prepass, gbuffer, cloth, drift, async, pacing, culling, ideal, meshlets, lods, "
-            "lights, surfaces, occlusion, transparency, hdr, memory, filters, cascades, caching, casters.",
+            "lights, surfaces, occlusion, transparency, hdr, memory, filters, cascades, caching, casters, "
+            "rates, constants.",
             show_default=False,
         ),
     ] = None,

@@ -6,6 +6,8 @@ the finished picture                      -> rate_edges -> history_rates, for th
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from backends.contract import Access, Pass, Sources
 from common.scene import Scene
 
@@ -41,7 +43,7 @@ def read(settings: Settings) -> tuple[Access, ...]:
 
 
 class RatePass(Pass):
-    """The common base: a kernel with a work group for each texel of the mask."""
+    """The common base: a kernel with a work group for each tile of the picture, which has whole texels of the mask."""
 
     def __init__(self, parts: PassParts) -> None:
         self._settings, self._pipelines, self._draws = parts.settings, parts.pipelines, parts.draws
@@ -51,6 +53,11 @@ class RatePass(Pass):
     def needed(scene: Scene, settings: Settings) -> bool:
         """Whether frames have a mask."""
         return in_use(settings)
+
+    def tiles(self, texels: Sequence[int], pixels: int) -> tuple[int, ...]:
+        """Return the tiles of so many pixels that cover a mask of so many texels; a tile has one at least."""
+        across = max(1, pixels // self._mask.texel)
+        return tuple(-(-side // across) for side in texels)
 
 
 class RateMaskPass(RatePass):
@@ -73,10 +80,10 @@ class RateMaskPass(RatePass):
         self.pipelines = self._pipelines.get([ComputeDescription("rates/mask.comp", defines, name=self.name)])
 
     def record(self, commands: Commands) -> None:
-        """Record a work group for each texel."""
+        """Record a work group for each tile."""
         (pipeline,) = self.pipelines
         commands.bind_compute(pipeline, self._draws.binding)
-        commands.dispatch(*commands.extent)
+        commands.dispatch(*self.tiles(commands.extent, model.GROUP))
 
 
 class RateEdgesPass(RatePass):
@@ -103,7 +110,7 @@ class RateEdgesPass(RatePass):
         )
 
     def record(self, commands: Commands) -> None:
-        """Record a work group for each texel."""
+        """Record a work group for each tile."""
         (pipeline,) = self.pipelines
         commands.bind_compute(pipeline)
-        commands.dispatch(*commands.extent)
+        commands.dispatch(*self.tiles(commands.extent, model.EDGE_TILE))

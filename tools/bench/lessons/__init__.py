@@ -29,6 +29,8 @@ CHAPTERS = {
     "shadow_cascades": 8,
     "shadow_caching": 8,
     "shadow_casters": 8,
+    "rates": 9,
+    "constants": 9,
 }
 """The chapter whose `benches/` has the module."""
 

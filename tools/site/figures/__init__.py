@@ -33,6 +33,8 @@ PARTS = {
     "ch08-pages": (8, ("page_table/pool.py",)),
     "ch08-need": (8, ("page_table/rule.py", "page_table/lamps.py")),
     "ch08-casters": (8, ("shadows/faces.py",)),
+    "ch09-codes": (9, ("rates/model.py",)),
+    "ch09-mask": (9, ("rates/model.py",)),
 }
 """The same where figures show data of a few files, of all figures of a chapter or of one."""
 

@@ -23,6 +23,7 @@ from tools.site.figures.ch01 import timeline
 from tools.site.figures.ch07.fill import FILL
 from tools.site.figures.ch07.walk import WALK
 from tools.site.figures.ch08.snapping import SNAPPING
+from tools.site.figures.ch09.feedback import TURNS
 from tools.site.figures.culling import CULLING
 from tools.site.figures.film import SCHEMES, Loop, Picture, animated
 
@@ -275,6 +276,7 @@ LOOPS: Mapping[str, Loop] = {
     **WALK,
     **FILL,
     **SNAPPING,
+    **TURNS,
 }
 """The loops that are drawn; their stills are figures of the lessons."""
 CLOTH = Loop(
@@ -296,6 +298,7 @@ def files() -> dict[str, tuple[Callable[[], bytes], list[Path]]]:
         **{name: [*lists, HERE / "ch07" / "walk.py"] for name in WALK},
         **{name: [HERE / "ch07" / "layers.py", HERE / "ch07" / "fill.py"] for name in FILL},
         **{name: [*sun, HERE / "ch08" / "snapping.py"] for name in SNAPPING},
+        **{name: [HERE / "ch09" / "feedback.py"] for name in TURNS},
     }
     found: dict[str, tuple[Callable[[], bytes], list[Path]]] = {}
     for name, loop in LOOPS.items():

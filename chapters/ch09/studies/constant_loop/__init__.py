@@ -21,10 +21,12 @@ from backends.stage import Work
 from common.lessons import Study
 from common.settings import knob
 
+from ...pipelines.compute_description import ComputeDescription
+
 STUDY = Study(
     title="constant loop",
     idea="A loop whose length the driver knows runs faster, and takes longer to compile.",
-    order=5,
+    order=2,
     features=("specialization/pipeline-constants",),
 )
 
@@ -42,6 +44,11 @@ class Settings:
     """The knobs of this study."""
 
     elements: int = knob(4096, "means of each column", minimum=64, maximum=1 << 20)
+    constant: str = knob(
+        "specialization",
+        "how N becomes a constant: of a pipeline, or by a define of the text, which is compiled for each N",
+        choices=("specialization", "define"),
+    )
 
 
 @dataclass
@@ -61,6 +68,13 @@ def dispatches() -> list[tuple[str, int, int]]:
     return [
         (f"{way} {taps}", taps, taps * (way == "constant")) for taps in TAPS for way in ("pushed", "constant")
     ]
+
+
+def kernel(settings: Settings, length: int) -> ComputeDescription:
+    """Return the kernel with a constant LENGTH; with 0 the length is pushed."""
+    if settings.constant == "define" and length:
+        return ComputeDescription(KERNEL, (("LENGTH", f"{length}u"),))
+    return ComputeDescription(KERNEL, specialization=(("LENGTH", length),))
 
 
 def push(settings: Settings, number: int, taps: int) -> np.ndarray:

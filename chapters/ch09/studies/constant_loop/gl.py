@@ -9,10 +9,9 @@ from backends.gl.resources import bind_buffer
 from common.view.camera import View
 
 from ...frames.gl import FrameSlot
-from ...pipelines.compute_description import ComputeDescription
 from ...pipelines.description import PipelineDescription
 from ..stage_gl import Stage
-from . import KERNEL, SHADERS, STUDY, TAPS, LoopWork, Settings, dispatches, noise, push
+from . import SHADERS, STUDY, TAPS, LoopWork, Settings, dispatches, kernel, noise, push
 
 
 class Renderer(Stage):
@@ -26,9 +25,7 @@ class Renderer(Stage):
         """Upload the noise, make room for all means, and build the programs."""
         self._noise = self.filled(noise(self.settings), "noise")
         self.means = self.empty(4 * self.settings.elements * 2 * len(TAPS), "means")
-        kernels = [
-            ComputeDescription(KERNEL, specialization=(("LENGTH", taps),)) for _, _, taps in dispatches()
-        ]
+        kernels = [kernel(self.settings, length) for _, _, length in dispatches()]
         *self.kernels, self._show = self.pipelines.get(
             [*kernels, PipelineDescription(SHADERS, depth=None, name="show")]
         )
@@ -39,9 +36,9 @@ class Renderer(Stage):
         bind_buffer(self.device, "storage", 0, self._noise)
         bind_buffer(self.device, "storage", 1, self.means)
         stamps.end()  # each dispatch has a time of its own
-        for number, ((name, taps, _), kernel) in enumerate(zip(dispatches(), self.kernels, strict=True)):
+        for number, ((name, taps, _), built) in enumerate(zip(dispatches(), self.kernels, strict=True)):
             stamps.begin(name)
-            self.dispatch_over(kernel, (self.settings.elements,), push(self.settings, number, taps))
+            self.dispatch_over(built, (self.settings.elements,), push(self.settings, number, taps))
             stamps.end()
         stamps.begin("show")
         fn.glMemoryBarrier(gl.GL_SHADER_STORAGE_BARRIER_BIT)

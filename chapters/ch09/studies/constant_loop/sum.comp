@@ -4,7 +4,9 @@
 
 layout(local_size_x = 64) in;
 
+#ifndef LENGTH  // a define of this name takes its place
 layout(constant_id = 0) const uint LENGTH = 0u;  // 0: as many as are pushed
+#endif
 
 struct Push {
     uvec4 numbers;  // x: elements, y: the first place of the results, z: taps

@@ -9,10 +9,9 @@ from backends.vulkan.barriers import barriers
 from common.view.camera import View
 
 from ...frames.vulkan_commands import Commands
-from ...pipelines.compute_description import ComputeDescription
 from ...pipelines.description import PipelineDescription
 from ..stage_vulkan import Stage
-from . import KERNEL, SHADERS, STUDY, TAPS, LoopWork, Settings, dispatches, noise, push
+from . import SHADERS, STUDY, TAPS, LoopWork, Settings, dispatches, kernel, noise, push
 
 WRITTEN = (vk.VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT, vk.VK_ACCESS_2_SHADER_STORAGE_WRITE_BIT)
 READ = (vk.VK_PIPELINE_STAGE_2_FRAGMENT_SHADER_BIT, vk.VK_ACCESS_2_SHADER_STORAGE_READ_BIT)
@@ -29,9 +28,7 @@ class Renderer(Stage):
         """Upload the noise, make room for all means, and build the pipelines."""
         row = self.filled(noise(self.settings), ["storage"], "noise")
         self.means = self.empty(4 * self.settings.elements * 2 * len(TAPS), ["storage"], "means")
-        kernels = [
-            ComputeDescription(KERNEL, specialization=(("LENGTH", taps),)) for _, _, taps in dispatches()
-        ]
+        kernels = [kernel(self.settings, length) for _, _, length in dispatches()]
         shown = PipelineDescription(SHADERS, color="rgba8", depth=None, name="show")
         *self.kernels, self._show = self.pipelines.get([*kernels, shown])
         held = {0: row, 1: self.means}
@@ -44,12 +41,12 @@ class Renderer(Stage):
         slot = commands.slot
         commands.barrier(self._before)
         self._profiler.end(slot)  # each dispatch has a time of its own
-        for number, ((name, taps, _), kernel) in enumerate(zip(dispatches(), self.kernels, strict=True)):
+        for number, ((name, taps, _), built) in enumerate(zip(dispatches(), self.kernels, strict=True)):
             self._profiler.begin(slot, name)
-            commands.bind_compute(kernel)
-            commands.bind_compute_set(kernel, 0, self._summing)
-            commands.push(kernel, push(self.settings, number, taps))
-            commands.dispatch_over(kernel, (self.settings.elements,))
+            commands.bind_compute(built)
+            commands.bind_compute_set(built, 0, self._summing)
+            commands.push(built, push(self.settings, number, taps))
+            commands.dispatch_over(built, (self.settings.elements,))
             self._profiler.end(slot)
         self._profiler.begin(slot, "show")
         commands.barrier(self._summed)
