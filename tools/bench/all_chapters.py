@@ -27,6 +27,7 @@ from common.paths import ROOT, temporary_folder
 from common.reports.benches import Effort
 from common.reports.tables import table
 from tools.bench import bench
+from tools.bench.parts import PARTS, parts_of
 from tools.bench.points import FULL
 from tools.bench.report import show
 from tools.cli.console import Steps, err, out, say
@@ -134,8 +135,8 @@ def pairs(
         here = [chapters.choose_backend(backend)]
         probe(here[0])
     for part in only:
-        if part not in bench.PARTS:
-            bench.parts_of(chapters.available()[0], here[0], [part])  # says what is wrong with it
+        if part not in PARTS:
+            parts_of(chapters.available()[0], here[0], [part])  # says what is wrong with it
     found, lacking = [], []
     for number in chapters.available():
         for api in here:
@@ -157,8 +158,8 @@ def _parts(number: int, api: str, quick: bool, only: Sequence[str]) -> tuple[str
     """Return what is measured of a chapter on a graphics API; None if it has no such version, or none of the parts."""
     if api == "gl" and not folders.renderer_name(chapters.folder_of(number), "gl"):
         return None
-    wanted: Collection[str] = only or (QUICK_PARTS if quick else bench.PARTS)
-    parts = tuple(part for part in bench.parts_of(number, api) if part in wanted)
+    wanted: Collection[str] = only or (QUICK_PARTS if quick else PARTS)
+    parts = tuple(part for part in parts_of(number, api) if part in wanted)
     return parts or None
 
 

@@ -20,6 +20,7 @@ from common.names import suggest
 from tools.bench import bench, compare_show
 from tools.bench.all_chapters import KIND, NAMES
 from tools.bench.figures import Figure, Key, figures, settings
+from tools.bench.parts import PARTS
 from tools.bench.points import ERROR_NOISE
 from tools.cli.console import err, out, say
 from tools.run.record import STDOUT
@@ -109,9 +110,9 @@ def run(old: Path, new: Path, json_path: Path | None = None, only: Sequence[str]
     """
     bench.check_paths(json_path)
     for part in only:
-        if part not in bench.PARTS:
+        if part not in PARTS:
             raise UserError(
-                f"--only {part}: a bench has no such part{suggest(part, bench.PARTS)}.".replace("?.", "?")
+                f"--only {part}: a bench has no such part{suggest(part, PARTS)}.".replace("?.", "?")
             )
     found = compare_files(old, new, only)
     if json_path == STDOUT:

@@ -397,6 +397,18 @@ def _constants(made: dict[str, Any]) -> Iterator[Row]:
         yield f"{one['pass']}, {one['name']}", _times(one, "ms") | _work(one, "pixels_differ")
 
 
+def _fog(made: dict[str, Any]) -> Iterator[Row]:
+    held = made.get("fog") or {"rows": (), "bands": ()}
+    for one in held["rows"]:
+        errors = _errors({name: one[name] for name in ("rms", "median", "p95")})
+        if one["bias"] is not None:
+            errors |= _errors({"bias": abs(one["bias"])})
+        times = _times(one, "fog_ms", "light_ms", within="passes_ms")
+        yield _point(one["scene"], one["name"]), times | errors | _work(one, "codes")
+    for one in held["bands"]:
+        yield _point("bands", f"{one['slices']} slices", one["way"]), _errors({"codes": one["codes"]})
+
+
 PARTS = {
     "settings": _settings,
     "prepared": _prepared,
@@ -430,5 +442,6 @@ PARTS = {
     "casters": _casters,
     "rates": _rates,
     "constants": _constants,
+    "fog": _fog,
 }
 """How the points of each part of a bench are found in its record."""

@@ -45,6 +45,7 @@ FRAME_PARTS = {
     "casters": "shadow_casters",
     "rates": "rates",
     "constants": "constants",
+    "fog": "fog",
 }
 """The parts of chapters whose frame is a graph, and the benches of lessons that show and draw them."""
 

@@ -31,6 +31,7 @@ CHAPTERS = {
     "shadow_casters": 8,
     "rates": 9,
     "constants": 9,
+    "fog": 10,
 }
 """The chapter whose `benches/` has the module."""
 
