@@ -84,8 +84,8 @@ class Air:
         """Return (..., 3) the part of light that a metre scatters at points (..., 3)."""
         medium = self._medium
         above = np.maximum(points[..., 1] - self._base, 0.0)
-        thick = medium.extinction + medium.height_extinction * np.exp(-medium.height_falloff * above)
-        total = thick[..., None] * medium.albedo
+        thin = np.asarray(np.exp(-medium.height_falloff * above), np.float64)
+        total = (medium.extinction + medium.height_extinction * thin[..., None]) * medium.albedo
         for center, half, box in self._boxes:
             inside = (np.abs(points - center) <= half).all(axis=-1)
             total = total + (box.extinction * inside)[..., None] * box.albedo
