@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from chapters.ch10.benches import fog, fog_scenes
-from chapters.ch10.benches.fog_truth import eye_rays
+from chapters.ch10.benches.fog_truth import FogTruth, Rays, eye_rays
 from chapters.ch10.fog import model
 from chapters.ch10.settings import Settings
 from common.reports.benches import Effort
 from common.reports.metrics import gradient_step
 from common.scene import Material
 from common.settings import replaced
-from tests.support.fog import FULL, HAZE, VIEW, foggy, grid_of, radii, records, twin_of
+from tests.support.fog import FULL, HAZE, VIEW, foggy, grid_of, in_cube, lights_of, radii, records, twin_of
 from tests.support.shadows import point
 from tests.twins import fog as twin
 from tools.bench.points import Subject
@@ -51,15 +51,14 @@ def pictures(chapter, scene, frames, view=VIEW, size=SIZE, **turned):
 
 
 @pytest.mark.feature("fog/light-scattering", "fog/integration", "fog/temporal-filter", "fog/spatial-filter")
-@pytest.mark.parametrize("format", ["rgba32f", "rgba16f"])
-def test_a_picture_is_that_of_quadrature_and_nearer_with_each_grid(chapter, format):
+def test_a_picture_is_that_of_quadrature_and_nearer_with_each_grid(chapter):
     """The lamp is farther than two diagonals from each froxel. Measured: 0.1 % rms at the default grid."""
     lamp = point((6.0, 3.0, 6.0), candela=100.0)
     scene = foggy(lamp, medium=HAZE, material=BLACK)
     light = twin.Light(tuple(lamp[1][:3, 3]), (100.0,) * 3)
     errors = []
     for size in ((32, 18, 16), (64, 36, 32), tuple(GRID.values())):
-        found, rays, _, grid = pictures(chapter, scene, 8, fog_format=format, **fog.grid(size))
+        found, rays, _, grid = pictures(chapter, scene, 4, **fog.grid(size))
         truth, _ = twin.single_scattering(
             rays.origins + scene.origin, rays.directions, rays.lengths, twin_of(HAZE), light, 0.6
         )
@@ -84,6 +83,12 @@ def test_all_filters_leave_beer_and_lambert_at_every_slice(chapter, format, boun
 
 
 # --- path tracing ---
+
+
+def some(rays, numbers):
+    """Return some of the rays."""
+    return Rays(*(values[numbers] for values in rays))
+
 
 
 def traced(scene, lamp, g, rays, batches=16, samples=2048):
@@ -156,18 +161,33 @@ def traced(scene, lamp, g, rays, batches=16, samples=2048):
 @pytest.mark.needs("mitsuba")
 @pytest.mark.parametrize("anisotropy", [0.6, -0.5])
 def test_a_homogeneous_box_is_that_of_a_path_tracer(chapter, anisotropy):
-    """With the shadow of a cube in it, at pixels that show a surface: behind it ours has more air than the box."""
+    """At pixels that show a surface: behind it ours has more air than the box.
+
+    Where the shadow of the cube is in no way, there are maps of shadows or none; without, paths have the larger noise.
+    With maps, a froxel that reaches behind a surface has less light (most of it where light is thrown back), and edges
+    are as wide as a froxel: measured 2 % and 6 % rms.
+    """
     lamp = point((-1.2, 3.0, 0.8), candela=60.0)
     scene = foggy(lamp, medium=HAZE, material=BLACK)
-    found, rays, drawn, _ = pictures(chapter, scene, 16, shadows="on", fog_anisotropy=anisotropy)
-    chosen = np.random.default_rng(8).choice(drawn, 40, replace=False)
-    some = type(rays)(*(values[chosen] for values in rays))
-    light, noise = traced(scene, lamp, anisotropy, some)
-    ours = found.reshape(-1, 3)[chosen]
-    away = ours / light - 1
-    print(np.sqrt((away**2).mean()), np.median(abs(away)), ours.mean() / light.mean() - 1, (noise / light).mean())
-    assert ours.mean() / light.mean() == pytest.approx(1.0, abs=0.01)
-    assert np.median(np.abs(away)) < 0.02 and np.sqrt((away**2).mean()) < 0.06
+    knobs = {"fog_anisotropy": anisotropy, **fog.grid((64, 36, 32))}
+    unfiltered = {"shadows": "off", "fog_spatial": False, "fog_temporal": False}
+    plain, rays, drawn, _ = pictures(chapter, scene, 2, **unfiltered, **knobs)
+    found, *_ = pictures(chapter, scene, 6, shadows="on", **knobs)
+    lights = [
+        FogTruth(scene, HAZE, lights_of(scene), anisotropy, blocked=blocked).light(some(rays, drawn))
+        for blocked in (None, in_cube(scene))
+    ]
+    shade = 1 - (lights[1] / lights[0])[:, 0]
+    rng, groups = np.random.default_rng(8), (shade < 1e-4, shade > 0.03)
+    open_, shaded = (rng.choice(drawn[group], 20, replace=False) for group in groups)
+    light, noise = traced(scene, lamp, anisotropy, some(rays, np.concatenate([open_, shaded])))
+    away = plain.reshape(-1, 3)[open_] / light[:20] - 1
+    assert np.sqrt(((noise / light) ** 2).mean()) < 0.02
+    assert abs(away.mean()) < 0.01 and np.sqrt((away**2).mean()) < 0.025
+    away = found.reshape(-1, 3)[np.concatenate([open_, shaded])] / light - 1
+    assert np.sqrt((away**2).mean()) < 0.1 and np.abs(away).max() < 0.3
+    blind = plain.reshape(-1, 3)[shaded] / light[20:] - 1
+    assert np.sqrt((blind**2).mean()) > 1.5 * np.sqrt((away[20:] ** 2).mean())
 
 
 # --- bands ---
@@ -187,7 +207,6 @@ def test_jitter_and_the_temporal_filter_take_bands_away(chapter):
             for _ in range(16):
                 shown = renderer.render(view).image("color")
         found[name] = gradient_step(shown[fog.HORIZON :, :, :3].astype(np.float64), axis=0)
-    print(found)
     assert found["as it is"] > 4.0
     assert found["jitter, temporal"] < 0.4 * found["as it is"]
     assert found["all filters"] < 0.25 * found["as it is"]

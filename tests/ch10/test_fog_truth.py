@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 
 from chapters.ch10.benches.fog_truth import FogTruth, Rays, eye_rays
-from chapters.ch10.clusters.lights import LightRecords
-from common.scene.pose import evaluate_pose
-from tests.support.fog import HAZE, LAYERS, VIEW, foggy, twin_of
+from tests.support.fog import HAZE, LAYERS, VIEW, foggy, in_cube, lights_of, twin_of
 from tests.support.shadows import point, spot, sun
 from tests.twins import fog as twin
 
@@ -19,12 +17,6 @@ pytestmark = [pytest.mark.feature("tools/bench"), pytest.mark.runs_on("vulkan", 
 LAMP = point((-1.2, 3.0, 0.8), candela=60.0)
 EDGE = 2.0
 """Of the cube of shadows around (0, 1, 0); rays may go through it."""
-
-
-def records_of(scene):
-    records = LightRecords(scene, 0.0, 64)
-    records.follow()
-    return records.at(evaluate_pose(scene, 0.0))
 
 
 def rays_of(scene, count=60, seed=4):
@@ -36,24 +28,13 @@ def rays_of(scene, count=60, seed=4):
     return Rays(eye, ways / np.linalg.norm(ways, axis=1)[:, None], lengths)
 
 
-def in_cube(scene):
-    """Return what casts shadows: the cube, by where segments cross it."""
-
-    def blocked(origins, targets):
-        box = twin.Box((0.0, 1.0, 0.0), (EDGE / 2,) * 3, 1.0)
-        first, last = twin.crossing(origins + scene.origin, targets - origins, box)
-        return last > first
-
-    return blocked
-
-
 @pytest.mark.parametrize("g", [0.0, 0.6, -0.5])
 @pytest.mark.parametrize("medium", [HAZE, replace(LAYERS, boxes=()), LAYERS], ids=["haze", "height", "box"])
 def test_two_quadratures_agree(medium, g):
     """Kinks of the lamp's way behind a box are in no panel's end: they leave some 1e-4 in both."""
     scene = foggy(LAMP, medium=medium)
     rays = rays_of(scene)
-    truth = FogTruth(scene, medium, records_of(scene), g)
+    truth = FogTruth(scene, medium, lights_of(scene), g)
     lamp = twin.Light(tuple(LAMP[1][:3, 3]), (60.0,) * 3)
     light, seen = twin.single_scattering(
         rays.origins + scene.origin, rays.directions, rays.lengths, twin_of(medium), lamp, g, 24, 32
@@ -65,7 +46,7 @@ def test_two_quadratures_agree(medium, g):
 def test_light_from_everywhere_is_a_closed_form():
     scene = foggy(medium=HAZE)
     rays = rays_of(scene)
-    truth = FogTruth(scene, HAZE, records_of(scene), 0.6, ambient=5.0)
+    truth = FogTruth(scene, HAZE, lights_of(scene), 0.6, ambient=5.0)
     light = 5.0 * -np.expm1(-HAZE.extinction * rays.lengths)[:, None] * np.array(HAZE.albedo)
     assert np.allclose(truth.light(rays), light, rtol=1e-9)
 
@@ -79,8 +60,8 @@ def test_shadows_are_those_of_a_brute_sum(light):
     """Of 20,000 midpoints, each of which asks whether the cube is in its way."""
     scene = foggy(light, medium=HAZE)
     rays = rays_of(scene, 12)
-    records = records_of(scene)
-    found = FogTruth(scene, HAZE, records, 0.6, blocked=in_cube(scene)).light(rays)
+    records = lights_of(scene)
+    found = FogTruth(scene, HAZE, records, 0.6, blocked=in_cube(scene, EDGE)).light(rays)
     open_ = FogTruth(scene, HAZE, records, 0.6).light(rays)
     assert ((found < 0.98 * open_).any(axis=1).sum()) >= 3  # rays go through the shadow
     (record,) = records
@@ -102,7 +83,7 @@ def test_shadows_are_those_of_a_brute_sum(light):
             if record["kind"] == 1:
                 received *= np.clip(arrives @ travels * cone[0] + cone[1], 0, 1) ** 2
         turned = 1 + arrives @ way
-        strength = received * twin.henyey_greenstein(turned, 0.6) * ~in_cube(scene)(points, ends)
+        strength = received * twin.henyey_greenstein(turned, 0.6) * ~in_cube(scene, EDGE)(points, ends)
         strength *= np.exp(-HAZE.extinction * (metres + at * length)) * HAZE.extinction * length / len(at)
         truth = strength.sum() * color * HAZE.albedo
         assert np.allclose(got, truth, rtol=3e-3, atol=3e-4 * open_.max())

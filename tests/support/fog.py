@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from chapters.ch10.clusters.lights import LightRecords
 from common.numerics.transforms import pose_looking_at
 from common.scene import FogBox, Medium, Scene
+from common.scene.pose import evaluate_pose
 from common.view.camera import Perspective, View
 from tests.support.buffers import read_words
 from tests.support.shadows import PLAIN, yard
@@ -112,3 +115,22 @@ def noise_volume(renderer: Any) -> Float64:
     words = read_words(renderer.device, renderer.techniques["fog"]._memory.tables)[128 * 128 :]
     values: Float64 = words.view(np.float16)[: size**3].reshape(size, size, size).astype(np.float64)
     return values
+
+
+def lights_of(scene: Scene) -> np.ndarray:
+    """Return the LIGHT records of a scene, as chapter 10 packs them."""
+    records = LightRecords(scene, 0.0, 64)
+    records.follow()
+    return records.at(evaluate_pose(scene, 0.0))
+
+
+def in_cube(scene: Scene, edge: float = 1.0) -> Callable[[Float64, Float64], NDArray[np.bool_]]:
+    """Return whether segments cross the cube of the yard, or one of another edge; places are relative to the origin."""
+
+    def blocked(origins: Float64, targets: Float64) -> NDArray[np.bool_]:
+        cube = twin.Box((0.0, 1.0, 0.0), (edge / 2,) * 3, 1.0)
+        first, last = twin.crossing(origins + scene.origin, targets - origins, cube)
+        crossed: NDArray[np.bool_] = last > first
+        return crossed
+
+    return blocked

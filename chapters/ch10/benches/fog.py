@@ -322,7 +322,8 @@ def sentences(record: dict[str, Any]) -> list[str]:
             f"than {_percent(rows[0]['median'])} %; nearest is {best['name']} with {_percent(best['rms'])} % rms."
         )
     codes = [row["codes"] for row in record["rows"] if row["codes"] is not None]
-    lines.append(f"Half resolution is off by {max(codes)} of 255 codes at most.")
+    if codes:
+        lines.append(f"Half resolution is off by {max(codes)} of 255 codes at most.")
     return lines
 
 
