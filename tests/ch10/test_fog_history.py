@@ -74,16 +74,20 @@ def test_a_camera_that_moves_finds_its_history(chapter, scene):
 def test_a_view_at_rest_stays_as_it_is(chapter, monkeypatch):
     monkeypatch.setattr(model, "REST_FRAMES", 4)
     with opened(chapter, foggy(LAMP)) as renderer:
-        frames = []
+        frames, work = [], []
         for _ in range(8):
             frame = renderer.render(VIEW)
             frames.append((renderer.idle(VIEW), frame.image(HISTORY), frame.image("color")))
+            work.append(frame.work["dispatches"])
         assert [idle for idle, _, _ in frames] == [False] * 4 + [True] * 4
         for _, history, color in frames[5:]:
             assert np.array_equal(history, frames[4][1]) and np.array_equal(color, frames[4][2])
+        assert (
+            work[:6] == [work[0]] * 6 and work[6:] == [work[0] - 4] * 2
+        )  # inject, scatter, temporal, integrate
         assert not renderer.idle(TURNED)
-        renderer.render(TURNED)
-        assert not renderer.idle(TURNED)
+        light, history = volumes(renderer, TURNED)
+        assert not np.array_equal(light, history) and not renderer.idle(TURNED)
 
 
 @pytest.mark.feature("fog/temporal-filter")

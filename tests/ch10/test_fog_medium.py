@@ -159,12 +159,17 @@ def test_a_scene_says_its_medium():
         "height_base": 0.2,
         "albedo": [0.9, 0.8, 0.7],
         "boxes": [
-            {"center": [1.0, 0.8, 1.5], "half_size": [0.8, 0.7, 0.9], "extinction": 0.6, "albedo": [0.2, 0.5, 0.9]}
+            {
+                "center": [1.0, 0.8, 1.5],
+                "half_size": [0.8, 0.7, 0.9],
+                "extinction": 0.6,
+                "albedo": [0.2, 0.5, 0.9],
+            }
         ],
         "of a later version": 1,
     }
     assert medium_of({"fog": said}) == LAYERS
     assert medium_of({}) is None and medium_of({"fog": {}}) == Medium()
-    assert medium_of({"fog": {"boxes": [{"center": [0, 1, 0], "half_size": [1, 1, 1], "extinction": 2}]}}) == Medium(
-        boxes=(FogBox((0.0, 1.0, 0.0), (1.0, 1.0, 1.0), 2.0),)
-    )
+    assert medium_of(
+        {"fog": {"boxes": [{"center": [0, 1, 0], "half_size": [1, 1, 1], "extinction": 2}]}}
+    ) == Medium(boxes=(FogBox((0.0, 1.0, 0.0), (1.0, 1.0, 1.0), 2.0),))

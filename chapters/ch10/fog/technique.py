@@ -12,6 +12,7 @@ from common.scene import Scene
 
 from ..environment import model as environment
 from ..frames.backend.backend import Backend
+from ..hdr.model import automatic
 from ..scene.pass_parts import PassParts
 from ..settings import Settings
 from . import model
@@ -23,7 +24,8 @@ class FogTechnique(Technique):
     """Owns what all shaders see of fog.
 
     The share of a frame in the history is 1 / n in frame n of a view without changes, so the history is their mean.
-    After REST_FRAMES it stays as it is. While something changes, the share is that of the settings.
+    After REST_FRAMES it stays as it is: the next frame makes the other image equal, and later ones have no work. While
+    something changes, the share is that of the settings.
     """
 
     name = "fog"
@@ -94,12 +96,14 @@ class FogTechnique(Technique):
         half.size, looked_up = frame.size, half in frame.passes
         width, height = frame.size
         block, wind = self._block, self._wind(frame.time)
-        state = frame.view, self._moment(frame.time), wind, dict(self.scene.revision)
+        moves = self.scene.animations or any(gpu_pass.name == "cloth" for gpu_pass in frame.passes)
+        state = frame.view, frame.time if moves else 0.0, wind, dict(self.scene.revision)
         self._still = self._still + 1 if state == self._state else 0
         self._state = state
         visible = model.in_view(self._medium, frame.view, width / height, float(block["range"][2]))
+        rests = self._still > model.REST_FRAMES and not automatic(self._parts.settings)
         for own in self._own:
-            own.in_view = visible
+            own.active = visible and not rests
         block["wind"][:3] = wind
         block["history"][0] = self._share()
         block["frame"] = self._age & 255, self._still > 0, visible, self._visible
@@ -143,10 +147,6 @@ class FogTechnique(Technique):
         if self._still >= model.REST_FRAMES:
             return 0.0
         return max(1.0 / (self._age + 1), min(self._knobs.fog_share, 1.0 / (self._still + 1)))
-
-    def _moment(self, time: float) -> float:
-        """Return the time, if anything moves with it."""
-        return time if self.scene.animations else 0.0
 
     def _wind(self, time: float) -> tuple[float, ...]:
         """Return the shift of the noise in periods, 0 to 1: wrapped in float64, so that it loses no digits."""
