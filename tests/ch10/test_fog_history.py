@@ -83,7 +83,7 @@ def test_a_view_at_rest_stays_as_it_is(chapter, monkeypatch):
         for _, history, color in frames[5:]:
             assert np.array_equal(history, frames[4][1]) and np.array_equal(color, frames[4][2])
         assert (
-            work[:6] == [work[0]] * 6 and work[6:] == [work[0] - 4] * 2
+            work[:5] == [work[0]] * 5 and work[5:] == [work[0] - 4] * 3
         )  # inject, scatter, temporal, integrate
         assert not renderer.idle(TURNED)
         light, history = volumes(renderer, TURNED)
