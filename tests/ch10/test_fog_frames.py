@@ -116,7 +116,7 @@ def test_a_blended_surface_is_seen_through_the_same_fog(chapter, graph):
         picture(chapter, foggy(LAMP, material=material, medium=HAZE), **knobs)[0]
         for material in (solid, blended)
     ]
-    assert np.abs(pictures[0] - pictures[1]).max() < 1e-4 * pictures[0].max()
+    assert np.abs(pictures[0] - pictures[1]).max() < 3e-4 * pictures[0].max()
 
 
 @pytest.mark.feature("fog/apply")
