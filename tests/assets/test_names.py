@@ -85,7 +85,7 @@ def test_the_default_size_lies_in_the_clone(name, tmp_path, monkeypatch):
         ("sphere", 'did you mean "spheres"?'),
         ("xyzzy", "choose one of atrium, city, cloth, cornell, market, spheres."),
         ("atrium:larg", 'did you mean "atrium:large"?'),
-        ("atrium:", "choose one of medium, small, large."),
+        ("atrium:", "choose one of medium, small, large, fog."),
         ("cornell:zzz", "choose one of medium."),
     ],
 )
