@@ -9,7 +9,7 @@ import pytest
 
 from chapters.ch10.settings import Settings
 from common.environment.medium import medium_of
-from common.scene import FogBox, Medium
+from common.scene import FogBox, Medium, stability
 from common.settings import replaced
 from common.view.camera import View
 from tests.support.fog import FULL, HAZE, LAYERS, SIZE, VIEW, foggy, grid_of, noise_volume
@@ -146,6 +146,26 @@ def test_the_view_of_slices_has_a_colour_for_each_and_no_froxels(chapter):
         colors.setdefault(slice_, set()).add(tuple(color))
     assert len(colors) > 3 and all(len(them) == 1 for them in colors.values())
     assert len(set.union(*colors.values())) == len(colors)
+
+
+# --- other worlds ---
+
+
+@pytest.mark.feature("fog/apply")
+def test_a_world_that_is_moved_or_scaled_looks_the_same(chapter):
+    """Fog, too: 100 km away, and a thousand times as large or as small. The denser medium shows that it could fail."""
+    scene, view = foggy(LAMP, medium=LAYERS), replace(VIEW, ev100=VIEW.ev100 + 2)
+    knobs = replaced(BASE, **{**NOISY, "ambient": 1.0})
+
+    def drawn(scene, view):
+        with chapter.open(scene, SIZE, knobs, outputs={"color"}) as renderer:
+            return renderer.render(view).image("color")
+
+    still = drawn(scene, view)
+    for name, changed, seen_from in stability.cases(scene, view):
+        assert stability.pixels_changed(still, drawn(changed, seen_from)) <= stability.BOUND, name
+    denser = replace(scene, medium=replace(LAYERS, extinction=0.05))
+    assert stability.pixels_changed(still, drawn(denser, view)) > 0.1
 
 
 # --- files ---
