@@ -164,7 +164,7 @@ def test_light_of_columns_is_that_of_quadrature(chapter):
 @pytest.mark.parametrize("graph", ["deferred", "compute"])
 @pytest.mark.parametrize("size", [(64, 48), (61, 47)])
 def test_half_resolution_has_no_halo(chapter, graph, size):
-    """Nowhere, across depth edges neither, is a picture off by more than two steps of 8 bits; any depth would do worse."""
+    """Nowhere, across depth edges neither, is a picture off by two steps of 8 bits; taking any depth does worse."""
     near = placed((2.4, 2.1, 3.2), (0.6, 0.5), (0.9, 0.1, 0.5))
     scene = foggy(LAMP, medium=Medium(0.25, albedo=(1.0, 1.0, 1.0)), extra=(near,))
     settings = replaced(BASE, graph=graph, ambient=2.0, fog_columns=32, fog_rows=24)
@@ -186,6 +186,16 @@ def test_without_a_matching_sample_a_pixel_looks_up_its_own_fog(chapter):
     half, _ = picture(chapter, scene, graph="deferred", fog_half=True, fog_half_tolerance=0.0)
     # Samples are halves, and those beside are a pixel away.
     assert np.abs(full - half)[depth > 0].max() < 4e-3 * full.max()
+
+
+def test_half_resolution_says_where_it_has_no_effect(chapter):
+    scene = foggy(LAMP)
+    with chapter.open(scene, SIZE, replaced(BASE, graph="forward", fog_half=True)) as renderer:
+        renderer.render(VIEW)
+        assert any("fog_half has no effect" in sentence for sentence in scene.warnings)
+    scene = foggy(LAMP)
+    with chapter.open(scene, SIZE, replaced(BASE, graph="deferred", fog_half=True)):
+        assert not scene.warnings
 
 
 # --- dither ---

@@ -91,6 +91,20 @@ def test_a_view_at_rest_stays_as_it_is(chapter, monkeypatch):
 
 
 @pytest.mark.feature("fog/temporal-filter")
+def test_a_view_rests_once_its_shadow_maps_do(chapter, monkeypatch):
+    """Pages that come within some frames change light in fog: the count begins after the last map was drawn."""
+    monkeypatch.setattr(model, "REST_FRAMES", 4)
+    with opened(chapter, foggy(LAMP), shadows="on", shadow_memory="pages") as renderer:
+        idle, rounds = [], []
+        for _ in range(14):
+            renderer.render(VIEW).image("color")
+            idle.append(renderer.techniques["fog"].resting(0.0))
+            rounds.append(len(renderer.techniques["shadows"]._pass.schedule.faces) > 0)
+    last = max(i for i, any_ in enumerate(rounds) if any_)
+    assert not any(idle[: last + 5]) and idle[-1]
+
+
+@pytest.mark.feature("fog/temporal-filter")
 def test_a_reset_forgets(chapter, scene):
     """Equal calls since a reset give equal bits, and a cut is a reset."""
     with opened(chapter, scene) as renderer:

@@ -44,7 +44,7 @@ def test_noise_is_made_once_and_tiles(chapter):
     places = (np.stack(np.indices((32, 32, 32))[::-1], axis=-1) + 0.5) / 32
     truth = twin.octaves_of_noise(places, 4, 7, 0)
     assert np.abs(volume - truth).max() < 2.0**-11
-    assert np.allclose(twin.octaves_of_noise(places + (1.0, -2.0, 3.0), 4, 7, 0), truth, atol=1e-12)
+    assert np.allclose(twin.octaves_of_noise(places + np.array((1.0, -2.0, 3.0)), 4, 7, 0), truth, atol=1e-12)
     assert dispatches[0] == dispatches[1] + 1 and len(set(dispatches[1:])) == 1
     assert abs(volume.mean() - 0.5) < 0.02 and volume.std() > 0.03
 

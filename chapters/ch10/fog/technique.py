@@ -23,6 +23,10 @@ from .passes import FOG_PASSES, LIT, FogPass, HalfPass, NoisePass, read_fog
 HISTORY_SHARE, FRAME, HALF_COLUMNS = 4, 8, 15
 """Words of the block (memory.py)."""
 
+HALF_WITHOUT_EFFECT = (
+    "fog_half has no effect without a G-buffer: the depth of surfaces is not known before they are lit."
+)
+
 
 class FogTechnique(Technique):
     """Owns what all shaders see of fog.
@@ -46,6 +50,8 @@ class FogTechnique(Technique):
         self._size: tuple[int, int] | None = None
         self._noise_sent = self._visible = False
         self._passes: Any = None
+        self._shadows: Any = None
+        self._drawn = 0
 
     def create(self, parts: PassParts, backend: Backend, passes: Mapping[str, Pass]) -> None:
         """Make the passes, and the memory, which becomes a part of the scene's bindings."""
@@ -56,6 +62,9 @@ class FogTechnique(Technique):
             return
         if FogPass.needed(parts.scene, parts.settings):
             read_fog([gpu_pass for name, gpu_pass in passes.items() if name in LIT])
+        without = model.half_in_use(parts.settings) and not HalfPass.needed(parts.scene, parts.settings)
+        if without and HALF_WITHOUT_EFFECT not in parts.scene.warnings:
+            parts.scene.warnings.append(HALF_WITHOUT_EFFECT)
         self._medium = model.medium_of(parts.scene, self._knobs)
         self._memory = parts.data.fog = backend.part(__package__).FogMemory(
             backend, model.table_bytes(parts.settings) if model.tables_in_use(parts.settings) else 0
@@ -101,11 +110,15 @@ class FogTechnique(Technique):
         if self._noise_sent:
             self._noise.due = False
         if frame.passes is not self._passes:
-            self._passes, names = frame.passes, {gpu_pass.name for gpu_pass in frame.passes}
-            self._moves, self._looks_up = bool(self.scene.animations) or "cloth" in names, "fog_half" in names
+            self._passes, named = frame.passes, {gpu_pass.name: gpu_pass for gpu_pass in frame.passes}
+            self._moves, self._looks_up = bool(self.scene.animations) or "cloth" in named, "fog_half" in named
+            self._shadows = named.get("shadows")
+        if self._shadows is not None and len(self._shadows.schedule.faces):
+            self._drawn += 1  # the last frame drew shadow maps, which froxels read
         width, height = self._half.size = frame.size
         wind = self._wind(frame.time)
-        state = frame.view, frame.time if self._moves else 0.0, wind, dict(self.scene.revision)
+        moment = frame.time if self._moves else 0.0
+        state = frame.view, moment, wind, dict(self.scene.revision), self._drawn
         self._still = self._still + 1 if state == self._state else 0
         self._state = state
         visible = model.in_view(self._medium, frame.view, width / height, self._far)
