@@ -156,3 +156,31 @@ def test_a_history_that_is_not_finite_does_not_stay(chapter, scene):
         for _ in range(3):
             light, history = volumes(renderer, VIEW)
             assert np.isfinite(light).all() and np.isfinite(history).all()
+
+
+@pytest.mark.parametrize("half", [False, True])
+def test_another_size_is_that_of_a_new_renderer(chapter, scene, half):
+    """Records and half-resolution pixels follow the size of the picture; a resize is a reset."""
+    settings = replaced(BASE, graph="deferred", fog_half=half)
+    with chapter.open(scene, (50, 30), settings, outputs={"color"}) as renderer:
+        for size in (SIZE, (33, 71), SIZE):
+            renderer.render(VIEW)
+            renderer.resize(size)
+        found = [renderer.render(VIEW).image("color") for _ in range(2)]
+    with chapter.open(scene, SIZE, settings, outputs={"color"}) as renderer:
+        assert all(np.array_equal(renderer.render(VIEW).image("color"), picture) for picture in found)
+
+
+@pytest.mark.feature("fog/spatial-filter")
+def test_filters_are_switched_off_one_by_one(chapter, scene):
+    """Readers of a filter get what the filter would have read."""
+    with opened(chapter, scene, fog_spatial=True) as renderer:
+        renderer.render(VIEW).image("color")
+        renderer.switch_pass("fog_spatial", False)
+        light, history = volumes(renderer, VIEW)
+        assert np.array_equal(light, history) and light.any()  # another graph, and no history yet
+        assert "fog_spatial" not in [step.name for step in renderer.graph.steps]
+        renderer.switch_pass("fog_temporal", False)
+        frame = renderer.render(VIEW)
+        assert np.isfinite(frame.image(LIGHT)).all() and frame.image("color").any()
+        assert "fog_temporal" not in [step.name for step in renderer.graph.steps]
