@@ -81,7 +81,7 @@ vec3 fog_over_half(vec3 color, vec3 position, ivec2 pixel) {
             count += 1.0;
         }
     }
-    vec4 between = count > 0.0 ? sum / count : fog_before(position);
+    vec4 between = count == 4.0 ? sum / 4.0 : fog_before(position);
     return dithered(behind_fog(color, between), pixel);
 }
 #else
