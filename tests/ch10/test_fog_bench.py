@@ -17,7 +17,8 @@ from tests.support.fog import HAZE, VIEW, foggy
 from tests.support.packages import BACKENDS
 from tests.support.scenes import quad_scene
 from tests.support.shadows import point, sun
-from tools.bench import bench, figures, parts
+from tools.bench import bench, figures
+from tools.bench.lessons import parts
 from tools.bench.points import Subject
 
 SMALL = Effort(1, 2, 1, 1, 1, everything=False)
@@ -37,7 +38,9 @@ def measured(request, **patched):
     told = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Subject, "load", lambda self, name, around="none": scene)
-        for name, value in ({"QUICK_GRID": (32, 18, 16), "GRIDS": ((16, 9, 8),), "SETTLED": 6} | patched).items():
+        for name, value in (
+            {"QUICK_GRID": (32, 18, 16), "GRIDS": ((16, 9, 8),), "SETTLED": 6} | patched
+        ).items():
             patch.setattr(fog, name, value)
         subject = Subject(10, request.param, scene, SIZE, device)
         record = fog.measure(subject, SMALL, lambda what, part: told.append(part))
@@ -101,8 +104,15 @@ def test_tables_and_figures_say_all_rows(haze):
 @pytest.fixture(scope="module", params=DRIVEN)
 def shadowed(request):
     two = fog.rows_of(False, True)[:2]
-    few = [(name, values | fog.grid(size)) for (name, values), size in zip(two, ((32, 18, 16), (16, 9, 8)), strict=True)]
-    patched = {"QUICK_SCENES": ("atrium:fog",), "QUICK_RAMPS": (), "rows_of": lambda everything, software: few}
+    few = [
+        (name, values | fog.grid(size))
+        for (name, values), size in zip(two, ((32, 18, 16), (16, 9, 8)), strict=True)
+    ]
+    patched = {
+        "QUICK_SCENES": ("atrium:fog",),
+        "QUICK_RAMPS": (),
+        "rows_of": lambda everything, software: few,
+    }
     return measured(request, **patched)
 
 
@@ -140,8 +150,9 @@ def test_rows_have_names_of_their_own_and_the_larger_grid_is_for_gpus():
 
 
 def test_black_surfaces_send_no_light_and_have_no_holes():
+    glowing = Material(alpha_mode="mask", emissive=(1.0, 0.0, 0.0))
     panes = quad_scene(
-        materials=(Material(alpha_mode="blend"), Material(alpha_mode="mask", emissive=(1.0, 0.0, 0.0)), Material(unlit=True)),
+        materials=(Material(alpha_mode="blend"), glowing, Material(unlit=True)),
         instance_materials=(0, 1, 2),
         matrices=(np.eye(4),) * 3,
     )

@@ -90,7 +90,6 @@ def some(rays, numbers):
     return Rays(*(values[numbers] for values in rays))
 
 
-
 def traced(scene, lamp, g, rays, batches=16, samples=2048):
     """Return light (R, 3) of a volumetric path tracer that scatters once, and its standard error, along rays.
 
@@ -199,7 +198,8 @@ def test_jitter_and_the_temporal_filter_take_bands_away(chapter):
     scene, found = fog_scenes.ramp(), {}
     for name, values in fog.WAYS[:3]:
         settings = replaced(
-            Settings(**FULL), **{**GRID, "fog_slices": 16, "fog_near": 0.01, "fog_spatial": True, "fog_temporal": True}
+            Settings(**FULL),
+            **{**GRID, "fog_slices": 16, "fog_near": 0.01, "fog_spatial": True, "fog_temporal": True},
         )
         settings = replaced(settings, **values, ambient=-1.0, tone_curve=DEFAULT.post.tone_curve)
         with chapter.open(scene, fog.RAMP_SIZE, settings, outputs={"color"}) as renderer:

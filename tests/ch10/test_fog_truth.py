@@ -53,7 +53,12 @@ def test_light_from_everywhere_is_a_closed_form():
 
 @pytest.mark.parametrize(
     "light",
-    [LAMP, spot((1.5, 4.0, 1.0), (0.0, 0.5, 0.0), outer=0.5), sun((0.4, -0.8, 0.3)), point((2, 3, 1), reach=4)],
+    [
+        LAMP,
+        spot((1.5, 4.0, 1.0), (0.0, 0.5, 0.0), outer=0.5),
+        sun((0.4, -0.8, 0.3)),
+        point((2, 3, 1), reach=4),
+    ],
     ids=["point", "spot", "sun", "reach"],
 )
 def test_shadows_are_those_of_a_brute_sum(light):

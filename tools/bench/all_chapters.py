@@ -27,7 +27,7 @@ from common.paths import ROOT, temporary_folder
 from common.reports.benches import Effort
 from common.reports.tables import table
 from tools.bench import bench
-from tools.bench.parts import PARTS, parts_of
+from tools.bench.lessons.parts import PARTS, parts_of
 from tools.bench.points import FULL
 from tools.bench.report import show
 from tools.cli.console import Steps, err, out, say

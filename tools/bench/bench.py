@@ -28,7 +28,7 @@ from tools.bench import readback as bench_readback
 from tools.bench import threads as bench_threads
 from tools.bench.lessons import bench
 from tools.bench.lessons import loads as bench_loads
-from tools.bench.parts import DRAWN, FOG, PARTS, RATES, SHADOWS, parts_of
+from tools.bench.lessons.parts import DRAWN, FOG, PARTS, RATES, SHADOWS, parts_of
 from tools.bench.points import Subject
 from tools.bench.report import can_plot, plot, show
 from tools.cli.console import Steps, err, out, say

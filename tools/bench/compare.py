@@ -20,7 +20,7 @@ from common.names import suggest
 from tools.bench import bench, compare_show
 from tools.bench.all_chapters import KIND, NAMES
 from tools.bench.figures import Figure, Key, figures, settings
-from tools.bench.parts import PARTS
+from tools.bench.lessons.parts import PARTS
 from tools.bench.points import ERROR_NOISE
 from tools.cli.console import err, out, say
 from tools.run.record import STDOUT

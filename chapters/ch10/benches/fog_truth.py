@@ -85,10 +85,10 @@ class Air:
         medium = self._medium
         above = np.maximum(points[..., 1] - self._base, 0.0)
         thin = np.asarray(np.exp(-medium.height_falloff * above), np.float64)
-        total = (medium.extinction + medium.height_extinction * thin[..., None]) * medium.albedo
+        total = (medium.extinction + medium.height_extinction * thin.reshape(*thin.shape, 1)) * medium.albedo
         for center, half, box in self._boxes:
-            inside = (np.abs(points - center) <= half).all(axis=-1)
-            total = total + (box.extinction * inside)[..., None] * box.albedo
+            inside = (np.abs(points - center) <= half).all(axis=-1, keepdims=True)
+            total = total + np.where(inside, box.extinction, 0.0) * box.albedo
         return np.asarray(total, np.float64)
 
     def depth(self, starts: Float64, ends: Float64) -> Float64:
