@@ -93,6 +93,46 @@ void report_use(uint light, vec3 position, float radius) {
 }
 #endif
 
+// Half the diagonal of a froxel, metres, `view` being a point of it in view space.
+float radius_of(ivec3 froxel, vec3 view) {
+    float w = float(froxel.z + 1) / float(fog.size.z);
+    float thick = slice_depth(w, fog.range.x, fog.range.y)
+        - slice_begin(uint(froxel.z), fog.size.z, fog.range.x, fog.range.y);
+    vec3 next = view_from_volume(froxel_uv(froxel) + 1.0 / vec2(fog.size.xy), -view.z, frame.steady_clip_from_view);
+    return 0.5 * length(vec3(next.xy - view.xy, thick));
+}
+
+#ifdef REPORTS
+bool in_medium(vec3 position) {
+    bool inside = fog.constant.a + fog.height.a > 0.0;
+    for (uint i = 0u; i < fog.size.w; ++i) {
+        FogBox box = fog.boxes[i];
+        inside = inside || box.center.w * box_density(position, box.center.xyz, box.half_size.xyz) > 0.0;
+    }
+    return inside;
+}
+
+// A froxel reports what its far end reads, in all frames: its near end is that of the froxel before. Tiles that only the
+// random depths of some frames ask for would come and go, and a view would never rest.
+void report_froxel(ivec3 froxel) {
+    float depth = slice_sample(uint(froxel.z), 1.0, fog.size.z, fog.range.x, fog.range.y);
+    vec3 view = view_from_volume(froxel_uv(froxel), depth, frame.steady_clip_from_view);
+    vec3 position = world_of(view);
+    if (!in_medium(position)) {
+        return;
+    }
+    float radius = radius_of(froxel, view);
+    LightWalk walk = first_light(position, froxel_uv(froxel) * frame.size.xy);
+    for (uint i; next_light(walk, i);) {
+        vec3 to_light;
+        vec3 received = illuminance(lights[i], position, radius * radius, to_light);
+        if (max(received.r, max(received.g, received.b)) > 0.0) {
+            report_use(i, position, radius);
+        }
+    }
+}
+#endif
+
 // `leaving` is the direction to the eye, `radius` half the froxel: nearer lights are not told apart, and 1/r^2 is finite.
 vec3 light_of(uint number, vec3 position, vec3 leaving, float radius) {
     Light light = lights[number];
@@ -102,11 +142,6 @@ vec3 light_of(uint number, vec3 position, vec3 leaving, float radius) {
     if (!(max(received.r, max(received.g, received.b)) > 0.0)) {
         return vec3(0.0);
     }
-#ifdef REPORTS
-    if (shadow_asks[2].x != 0u) {  // the frame tells its report to the CPU
-        report_use(number, position, radius);
-    }
-#endif
     float visible = sees_light(number, position, to_light);
     if (visible == 0.0) {
         return vec3(0.0);
@@ -123,6 +158,11 @@ void main() {
     if (!is_froxel(froxel)) {
         return;
     }
+#if defined(REPORTS) && defined(LIT)
+    if (shadow_asks[2].x != 0u) {  // the frame tells its report to the CPU
+        report_froxel(froxel);
+    }
+#endif
     vec4 medium = texelFetch(fog_medium, froxel, 0);
     vec3 light = vec3(0.0);
     if (max(medium.r, max(medium.g, medium.b)) > 0.0) {
@@ -132,11 +172,7 @@ void main() {
         leaving = mat3(frame.world_from_view) * leaving;
         light = (frame.ambient.rgb + fog.ambient.rgb) * exposure();
 #ifdef LIT
-        float depth = -view.z, w = float(froxel.z) / float(fog.size.z);
-        float thick = slice_depth(w + 1.0 / float(fog.size.z), fog.range.x, fog.range.y)
-            - slice_begin(uint(froxel.z), fog.size.z, fog.range.x, fog.range.y);
-        vec3 next = view_from_volume(froxel_uv(froxel) + 1.0 / vec2(fog.size.xy), depth, frame.steady_clip_from_view);
-        float radius = 0.5 * length(vec3(next.xy - view.xy, thick));
+        float radius = radius_of(froxel, view);
         LightWalk walk = first_light(position, froxel_uv(froxel) * frame.size.xy);
         for (uint i; next_light(walk, i);) {
             light += light_of(i, position, leaving, radius);
