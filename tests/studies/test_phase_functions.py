@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import chapters
-from chapters.ch10.studies.phase_functions import Settings, anisotropies, directions, nodes, table
+from chapters.ch10.studies.phase_functions import Settings, anisotropies, table
+from chapters.ch10.studies.phase_functions.exact import directions, nodes
 from common.errors import SettingError
 from common.settings import apply_overrides
 from tests.support.bounds import codes_off

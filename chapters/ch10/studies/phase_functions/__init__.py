@@ -20,13 +20,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from backends.stage import Work
 from common.lessons import Study
 from common.settings import knob
 
-Float64 = NDArray[np.float64]
+from .exact import NODES, OCTAVES, POINTS, directions, exact, nodes
 
 STUDY = Study(
     title="phase functions",
@@ -40,10 +40,6 @@ ANISOTROPIES = (-0.5, 0.0, 0.3, 0.6, 0.8, 0.9, 0.95)
 
 LOBES = len(ANISOTROPIES) + 1
 
-OCTAVES, NODES = 32, 16
-"""1 - cos is cut into octaves below 2, and each has nodes of Gauss and Legendre, so sums over nodes are integrals."""
-
-POINTS = OCTAVES * NODES
 FOLDER = "studies/phase_functions"
 SHADERS = ("post/fullscreen.vert", f"{FOLDER}/show.frag")
 KERNEL = f"{FOLDER}/phases.comp"
@@ -85,46 +81,9 @@ def defines() -> tuple[tuple[str, int | float], ...]:
     return (("OCTAVES", OCTAVES), ("NODES", NODES), ("POINTS", POINTS), ("LOBES", LOBES))
 
 
-def density(one_minus_cosine: ArrayLike, g: ArrayLike) -> Float64:
-    """Return the phase function per steradian, in float64."""
-    size = np.abs(np.asarray(g, np.float64))
-    turned = np.where(np.asarray(g) < 0, 2 - np.asarray(one_minus_cosine, np.float64), one_minus_cosine)
-    result: Float64 = (1 - size**2) / (4 * np.pi * ((1 - size) ** 2 + 2 * size * turned) ** 1.5)
-    return result
-
-
-def nodes() -> tuple[Float64, Float64]:
-    """Return (POINTS,) values of 1 - cos, rising from 0 to 2, and the weights of an integral over it.
-
-    The first octave begins at 0.
-    """
-    place, weight = np.polynomial.legendre.leggauss(NODES)
-    edges = np.concatenate([[0.0], 2.0 ** np.arange(2 - OCTAVES, 2)])
-    low, width = edges[:-1, None], np.diff(edges)[:, None]
-    return (low + width * (place + 1) / 2).ravel(), (width * weight / 2).ravel()
-
-
-def directions() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return unit vectors of float32: (3,) in which light arrives, and (POINTS, 3) in which it leaves, one for each
-    node. No axis is near, so that all components round."""
-    first = np.array([0.36, -0.48, 0.8])
-    beside = np.cross(first, (0.6, 0.64, -0.48))
-    beside /= np.linalg.norm(beside)
-    angle = 2 * np.arcsin(np.sqrt(nodes()[0] / 2))[:, None]
-    return first.astype(np.float32), (np.cos(angle) * first + np.sin(angle) * beside).astype(np.float32)
-
-
 def anisotropies(settings: Settings) -> NDArray[np.float32]:
     """Return g of each lobe, (LOBES,) float32."""
     return np.array([*ANISOTROPIES, settings.anisotropy], np.float32)
-
-
-def exact(settings: Settings) -> Float64:
-    """Return the phase function (LOBES, POINTS) between the directions as float32 holds them, scaled to length 1."""
-    first, leaving = (vector.astype(np.float64) for vector in directions())
-    first, leaving = first / np.linalg.norm(first), leaving / np.linalg.norm(leaving, axis=1, keepdims=True)
-    apart = ((first - leaving) ** 2).sum(axis=1) / 2
-    return density(apart, anisotropies(settings)[:, None])
 
 
 def given() -> NDArray[np.float32]:
@@ -137,8 +96,8 @@ def given() -> NDArray[np.float32]:
 
 def truth(settings: Settings) -> NDArray[np.float32]:
     """Return the exact values as (LOBES, POINTS, 2) float32: nearest, and what is left."""
-    nearest = exact(settings).astype(np.float32)
-    return np.stack([nearest, (exact(settings) - nearest).astype(np.float32)], axis=-1)
+    nearest = exact(anisotropies(settings)).astype(np.float32)
+    return np.stack([nearest, (exact(anisotropies(settings)) - nearest).astype(np.float32)], axis=-1)
 
 
 def push(settings: Settings, size: tuple[int, int]) -> NDArray[np.float32]:
@@ -153,7 +112,7 @@ def table(settings: Settings, values: NDArray[np.float32]) -> NDArray[np.void]:
     at, weights = nodes()
     rows = np.zeros(LOBES, ROW)
     lit = values[..., 0] * weights * 2 * np.pi
-    off = np.abs(values[..., 1:3] / exact(settings)[..., None] - 1).max(axis=1)
+    off = np.abs(values[..., 1:3] / exact(anisotropies(settings))[..., None] - 1).max(axis=1)
     rows["g"], rows["integral"] = anisotropies(settings), lit.sum(axis=1)
     rows["mean_cosine"], rows["stable"], rows["usual"] = (lit * (1 - at)).sum(axis=1), *off.T
     return rows

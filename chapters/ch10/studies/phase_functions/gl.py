@@ -15,7 +15,6 @@ from ..stage_gl import Stage
 from . import (
     KERNEL,
     LOBES,
-    POINTS,
     SHADERS,
     STUDY,
     VALUE_BYTES,
@@ -27,6 +26,7 @@ from . import (
     truth,
     work,
 )
+from .exact import POINTS
 
 
 class Renderer(Stage):

@@ -14,7 +14,6 @@ from ..stage_vulkan import WRITTEN, Stage
 from . import (
     KERNEL,
     LOBES,
-    POINTS,
     SHADERS,
     STUDY,
     VALUE_BYTES,
@@ -26,6 +25,7 @@ from . import (
     truth,
     work,
 )
+from .exact import POINTS
 
 
 class Renderer(Stage):
