@@ -59,12 +59,13 @@ class Stage(AnyStage):
         return vk.array("VkDescriptorSet", sets.handles)
 
     def compute(
-        self, commands: Commands, kernel: Built, bound: Any, pushed: np.ndarray, extent: Sequence[int]
+        self, commands: Commands, kernel: Built, bound: Any, pushed: np.ndarray | None, extent: Sequence[int]
     ) -> None:
         """Dispatch as many work groups as cover `extent`, and let kernels and fragments behind see what they write."""
         commands.bind_compute(kernel)
         commands.bind_compute_set(kernel, 0, bound)
-        commands.push(kernel, pushed)
+        if pushed is not None:
+            commands.push(kernel, pushed)
         commands.dispatch_over(kernel, extent)
         commands.barrier(self.computed)
 
