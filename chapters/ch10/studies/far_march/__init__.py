@@ -90,8 +90,8 @@ def work(settings: Settings, size: tuple[int, int]) -> MarchWork:
 
 
 def froxel_bytes(settings: Settings) -> int:
-    """Return the size of the grid's buffer: a record for each froxel, and one for the end of each column."""
-    return FROXEL_BYTES * settings.columns * settings.rows * (settings.slices + 1)
+    """Return the size of the grid's buffer."""
+    return FROXEL_BYTES * settings.columns * settings.rows * settings.slices
 
 
 def own_scene() -> Scene:

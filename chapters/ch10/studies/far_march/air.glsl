@@ -50,7 +50,7 @@ Ray ray_through(vec2 uv) {
     return Ray(turn * start + air.world_from_view[3].xyz, turn * way, stretch, turn * (way / -stretch));
 }
 
-// The place of a record; that behind the last slice has what the grid ends with.
+// The place of a froxel's record.
 uint record_at(uvec3 froxel) {
     uvec3 size = uvec3(air.size.xyz);
     return 2u * ((froxel.z * size.y + froxel.y) * size.x + froxel.x);

@@ -22,11 +22,11 @@ vec4 between(vec2 uv, uint slice, uint part) {
     return sum;
 }
 
+// The far end, too, is the end of the last slice on this ray. A mean of the ends of four columns would be a seam: their
+// rays are as long as their own places in the picture say.
 vec4 in_grid(vec2 uv, float depth, float stretch) {
     uint count = uint(air.size.z);
-    if (depth >= air.range.z) {
-        return between(uv, count, 0u);
-    }
+    depth = min(depth, air.range.z);
     uint slice = min(uint(max(slice_coordinate(depth, air.range.x, air.range.y), 0.0) * air.size.z), count - 1u);
     vec4 here = between(uv, slice, 1u);
     float metres = max(depth - slice_begin(slice, count, air.range.x, air.range.y), 0.0) * stretch;

@@ -26,5 +26,4 @@ void main() {
         float metres = (end - slice_begin(z, count, air.range.x, air.range.y)) * ray.stretch;
         before = through_segment(before, here.rgb, here.a, metres);
     }
-    grid[record_at(uvec3(column, count))] = before;
 }
