@@ -107,6 +107,11 @@ def push(settings: Settings, columns: bool = False) -> NDArray[np.uint32]:
     return np.array([settings.frames, settings.first, settings.steps, columns], np.uint32)
 
 
+def extent(columns: bool) -> tuple[int, int]:
+    """Return the invocations of a half of the transform: a line for each work group, and half of the columns."""
+    return SIZE * (SIZE // 2 + 1 if columns else SIZE), len(WAYS) * len(KINDS)
+
+
 def frequencies() -> NDArray[np.float64]:
     """Return (SIZE, SIZE) cycles a texel of the bins of a spectrum, 0 in the corner."""
     along = np.fft.fftfreq(SIZE)
@@ -126,11 +131,11 @@ def told(power: NDArray[np.float32]) -> dict[str, int]:
     frame the mean power below LOW cycles a texel (`low`), for each mean over frames that of all bins (`all`)."""
     at = frequencies()
     low = (at > 0) & (at <= LOW)
-    found = {}
+    counters = {}
     for way, spectra in zip(WAYS, power, strict=True):
         for kind, spectrum in zip(KINDS, spectra, strict=True):
             once = not kind.endswith("s")
-            found[f"{way}_{kind}_{'low' if once else 'all'}"] = round(
+            counters[f"{way}_{kind}_{'low' if once else 'all'}"] = round(
                 1e6 * float(spectrum[low].mean() if once else spectrum.mean())
             )
-    return found
+    return counters

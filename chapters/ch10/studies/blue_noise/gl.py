@@ -25,6 +25,7 @@ from . import (
     WAYS,
     Settings,
     defines,
+    extent,
     push,
     tables,
     told,
@@ -58,14 +59,14 @@ class Renderer(Stage):
 
     def draw(self, slot: FrameSlot, view: View, time: float) -> None:
         """Take samples, transform rows and columns of their errors, and show."""
-        fn, knobs, number = self.device.fn, self.settings, len(WAYS) * len(KINDS)
+        fn, knobs = self.device.fn, self.settings
         for binding, buffer in enumerate(self._buffers):
             bind_buffer(self.device, "storage", binding, buffer)
         fn.glMemoryBarrier(gl.GL_SHADER_STORAGE_BARRIER_BIT)
         self.dispatch_over(self._images, (SIZE, SIZE, len(WAYS)), push(knobs))
         for columns in (False, True):
             fn.glMemoryBarrier(gl.GL_SHADER_STORAGE_BARRIER_BIT)
-            self.dispatch_over(self._transform, (SIZE * SIZE, number), push(knobs, columns))
+            self.dispatch_over(self._transform, extent(columns), push(knobs, columns))
         fn.glMemoryBarrier(gl.GL_SHADER_STORAGE_BARRIER_BIT)
         self.begin()
         self.pipelines.bind(self._show, cull=False, front="counter_clockwise")

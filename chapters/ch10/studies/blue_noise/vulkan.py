@@ -24,6 +24,7 @@ from . import (
     WAYS,
     Settings,
     defines,
+    extent,
     push,
     tables,
     told,
@@ -60,12 +61,12 @@ class Renderer(Stage):
 
     def draw(self, commands: Commands, view: View, time: float) -> None:
         """Take samples, transform rows and columns of their errors, and show."""
-        knobs, number = self.settings, len(WAYS) * len(KINDS)
+        knobs = self.settings
         commands.barrier(self.shown)
         self.compute(commands, self._sample, self._sampling, push(knobs), (SIZE, SIZE, len(WAYS)))
         for columns in (False, True):
-            extent = (SIZE * SIZE, number)
-            self.compute(commands, self._transform, self._transforming, push(knobs, columns), extent)
+            pushed, lines = push(knobs, columns), extent(columns)
+            self.compute(commands, self._transform, self._transforming, pushed, lines)
         self.begin(commands)
         commands.bind_pipeline(self._show)
         commands.bind_set(self._show, 0, self._drawing)

@@ -114,17 +114,18 @@ def table(settings: Settings, values: NDArray[np.float32]) -> NDArray[np.void]:
     lit = values[..., 0] * weights * 2 * np.pi
     off = np.abs(values[..., 1:3] / exact(anisotropies(settings))[..., None] - 1).max(axis=1)
     rows["g"], rows["integral"] = anisotropies(settings), lit.sum(axis=1)
-    rows["mean_cosine"], rows["stable"], rows["usual"] = (lit * (1 - at)).sum(axis=1), *off.T
+    rows["mean_cosine"] = (lit * (1 - at)).sum(axis=1)
+    rows["stable"], rows["usual"] = off[:, 0], off[:, 1]
     return rows
 
 
 def told(settings: Settings, values: NDArray[np.float32]) -> dict[str, int]:
     """Return counters in parts of 10^9, by hundredths of g: how far the integral is from 1 and the mean cosine from g,
     and the largest relative errors of the stable and the usual form."""
-    found = {}
+    counters = {}
     for row in table(settings, values):
         g = round(100 * float(row["g"]))
         off = {"integral": row["integral"] - 1, "cosine": row["mean_cosine"] - row["g"]}
         for name, value in (off | {"stable": row["stable"], "usual": row["usual"]}).items():
-            found[f"{name}_{g}"] = round(1e9 * abs(float(value)))
-    return found
+            counters[f"{name}_{g}"] = round(1e9 * abs(float(value)))
+    return counters
