@@ -50,12 +50,16 @@ class Renderer(Stage):
             ]
         )
 
+    def create_sized(self) -> None:
+        """Keep what is pushed: no frame changes it."""
+        self._pushed = push(self.settings, self.size)
+
     def draw(self, slot: FrameSlot, view: View, time: float) -> None:
         """Evaluate, and show."""
         fn = self.device.fn
         for binding, buffer in enumerate(self._buffers):
             bind_buffer(self.device, "storage", binding, buffer)
-        self.dispatch_over(self._kernel, (POINTS, LOBES), push(self.settings, self.size))
+        self.dispatch_over(self._kernel, (POINTS, LOBES), self._pushed)
         fn.glMemoryBarrier(gl.GL_SHADER_STORAGE_BARRIER_BIT)
         self.begin()
         self.pipelines.bind(self._show, cull=False, front="counter_clockwise")

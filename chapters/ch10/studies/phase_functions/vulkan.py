@@ -51,15 +51,18 @@ class Renderer(Stage):
         self._evaluating = self.set_of(self._kernel, {0: asked, 1: self._values}, "phases")
         self._drawing = self.set_of(self._show, {1: self._values, 2: right}, "show")
 
+    def create_sized(self) -> None:
+        """Keep what is pushed: no frame changes it."""
+        self._pushed = push(self.settings, self.size)
+
     def draw(self, commands: Commands, view: View, time: float) -> None:
         """Evaluate, and show."""
-        pushed, extent = push(self.settings, self.size), (POINTS, LOBES)
         commands.barrier(self.shown)
-        self.compute(commands, self._kernel, self._evaluating, pushed, extent)
+        self.compute(commands, self._kernel, self._evaluating, self._pushed, (POINTS, LOBES))
         self.begin(commands)
         commands.bind_pipeline(self._show)
         commands.bind_set(self._show, 0, self._drawing)
-        commands.push(self._show, pushed)
+        commands.push(self._show, self._pushed)
         commands.draw_triangle()
         self.end(commands)
         self.work = work()
