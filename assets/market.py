@@ -29,7 +29,7 @@ from assets.shapes import Mesh, quad
 MOON_LUX, MOON_DIRECTION, MOON_COLOR = 0.1, (0.5, -0.72, 0.35), (0.62, 0.74, 1.0)
 AMBIENT_NITS = 0.1
 FOG_LAMPS = 400
-FOG = {"extinction": 0.008, "height_extinction": 0.05, "height_falloff": 0.6, "albedo": (0.95, 0.95, 0.95)}
+FOG = {"extinction": 0.015, "height_extinction": 0.06, "height_falloff": 0.4, "albedo": (0.95, 0.95, 0.95)}
 """The mist of `market:fog`, per metre: it lies on the ground, so that lamps have halos and roofs are clear."""
 BACKDROP = {"strata": {"backdrop": True}}
 FRONT, DEEP = 11.4, 8.0

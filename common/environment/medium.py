@@ -6,7 +6,7 @@ it that is scattered, in three channels.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 Color = tuple[float, float, float]
@@ -39,6 +39,39 @@ class Medium:
     height_base: float = 0.0
     albedo: Color = WHITISH
     boxes: tuple[FogBox, ...] = ()
+
+    def moved(self, offset: tuple[float, float, float]) -> Medium:
+        """Return the medium moved by `offset` metres."""
+        boxes = (replace(box, center=_sum(box.center, offset)) for box in self.boxes)
+        return replace(self, height_base=self.height_base + offset[1], boxes=tuple(boxes))
+
+    def scaled(self, factor: float) -> Medium:
+        """Return the medium scaled about zero: lengths times `factor`, so that rays lose as much light as before."""
+        boxes = (
+            replace(
+                box,
+                center=_times(box.center, factor),
+                half_size=_times(box.half_size, factor),
+                extinction=box.extinction / factor,
+            )
+            for box in self.boxes
+        )
+        return replace(
+            self,
+            extinction=self.extinction / factor,
+            height_extinction=self.height_extinction / factor,
+            height_falloff=self.height_falloff / factor,
+            height_base=self.height_base * factor,
+            boxes=tuple(boxes),
+        )
+
+
+def _sum(a: Color, b: Color) -> Color:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+def _times(a: Color, factor: float) -> Color:
+    return a[0] * factor, a[1] * factor, a[2] * factor
 
 
 def medium_of(extras: dict[str, Any]) -> Medium | None:

@@ -6,6 +6,7 @@ would, normals and motion are centred on grey. Whatever is NaN or infinite is ma
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -23,10 +24,12 @@ Picture = tuple[NDArray[np.uint8], str]
 
 
 def picture_of(values: NDArray[Any], name: str, format: str, view: View, stored: str = "light") -> Picture:
-    """Return the picture of an image (H, W) or (H, W, C) of `format`, which passes call `name`.
+    """Return the picture of an image (H, W), (H, W, C) or (D, H, W, C) of `format`, which passes call `name`.
 
     `stored` is what colours hold in the frame of a view: "light", "value" (codes already) or "count".
     """
+    if values.ndim == 4:
+        return of_volume(values)
     if format.startswith("d"):
         return of_depth(values, view)
     if "normal" in name and format == "r32ui":
@@ -44,6 +47,20 @@ def picture_of(values: NDArray[Any], name: str, format: str, view: View, stored:
     if "color" in name or values.ndim == 3:
         return of_light(values)
     return of_numbers(values)
+
+
+def of_volume(values: NDArray[Any]) -> Picture:
+    """Return the slices of a 3D image (D, H, W, C) as a sheet, row by row; 1 is the largest number of all."""
+    slices, height, width, channels = values.shape
+    columns = math.ceil(math.sqrt(slices))
+    rows = -(-slices // columns)
+    sheet = np.zeros((rows * columns, height, width, channels))
+    sheet[:slices] = values
+    sheet = sheet.reshape(rows, columns, height, width, channels).swapaxes(1, 2)
+    finite = np.abs(values[np.isfinite(values)])
+    most = float(finite.max()) if finite.size and finite.max() > 0 else 1.0
+    shown, text = of_light(sheet.reshape(rows * height, columns * width, channels) / most)
+    return shown, f"{slices} slices in rows of {columns}, divided by {most:.3g}; {text}"
 
 
 def of_depth(depth: NDArray[Any], view: View) -> Picture:

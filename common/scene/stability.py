@@ -34,7 +34,9 @@ def cases(scene: Scene, view: View) -> Iterator[tuple[str, Scene, View]]:
 def moved(scene: Scene, view: View, offset: tuple[float, float, float]) -> tuple[Scene, View]:
     """Return scene and view moved by `offset` metres."""
     by = translation(offset)
-    return replace(scene, nodes=_under(scene, by)), replace(view, world_from_view=by @ view.world_from_view)
+    medium = None if scene.medium is None else scene.medium.moved(offset)
+    drawn = replace(scene, nodes=_under(scene, by), medium=medium)
+    return drawn, replace(view, world_from_view=by @ view.world_from_view)
 
 
 def scaled(scene: Scene, view: View, factor: float) -> tuple[Scene, View]:
@@ -58,7 +60,8 @@ def scaled(scene: Scene, view: View, factor: float) -> tuple[Scene, View]:
         projection = replace(lens, near=lens.near * factor)
     else:
         projection = Orthographic(lens.ymag * factor, lens.near * factor, lens.far * factor)
-    changed = replace(scene, nodes=_under(scene, by), lights=lights, cameras=cameras)
+    medium = None if scene.medium is None else scene.medium.scaled(factor)
+    changed = replace(scene, nodes=_under(scene, by), lights=lights, cameras=cameras, medium=medium)
     return changed, replace(view, world_from_view=pose, projection=projection)
 
 

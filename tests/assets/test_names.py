@@ -85,7 +85,7 @@ def test_the_default_size_lies_in_the_clone(name, tmp_path, monkeypatch):
         ("sphere", 'did you mean "spheres"?'),
         ("xyzzy", "choose one of atrium, city, cloth, cornell, market, spheres."),
         ("atrium:larg", 'did you mean "atrium:large"?'),
-        ("atrium:", "choose one of medium, small, large."),
+        ("atrium:", "choose one of medium, small, large, fog."),
         ("cornell:zzz", "choose one of medium."),
     ],
 )
@@ -234,3 +234,12 @@ def test_remake_would_write_where_the_committed_files_are(tmp_path, monkeypatch,
     assert main(["remake"]) == 0
     assert {path.name for path in stale.parent.iterdir()} == {"cornell.gltf", "cornell.bin"}
     assert "cornell" in capsys.readouterr().out
+
+
+def test_a_scene_in_fog_says_its_medium():
+    """The rest of the scene is that without, but for its ambient light and one more camera."""
+    clear, foggy = (load_scene(locate(name)) for name in ("atrium", "atrium:fog"))
+    assert clear.medium is None and foggy.medium is not None
+    assert 0.01 < foggy.medium.extinction < 0.1 and max(foggy.medium.albedo) <= 1.0
+    assert np.array_equal(clear.positions, foggy.positions) and foggy.triangle_count == clear.triangle_count
+    assert [camera.name for camera in foggy.cameras] == ["shafts", *(camera.name for camera in clear.cameras)]

@@ -73,6 +73,9 @@ def test_fog_at_a_surface_is_that_up_to_its_depth(chapter, graph):
     truth = clear * fog[..., 3:] + fog[..., :3] * (1.2 * 2**VIEW.ev100)
     assert (depth > 0).mean() > 0.4 and (depth == 0).any()
     assert np.abs(foggy_light - truth).max() < 1e-4 * truth.max()
+    linear = fog_grid.between_ends(grid, ends, uv, np.minimum(ahead, grid.far))
+    wrong = clear * linear[..., 3:] + linear[..., :3] * (1.2 * 2**VIEW.ev100)
+    assert np.abs(foggy_light - wrong).max() > 1e-3 * truth.max()
 
 
 @pytest.mark.feature("fog/apply", "fog/medium")
@@ -113,7 +116,7 @@ def test_a_blended_surface_is_seen_through_the_same_fog(chapter, graph):
         picture(chapter, foggy(LAMP, material=material, medium=HAZE), **knobs)[0]
         for material in (solid, blended)
     ]
-    assert np.abs(pictures[0] - pictures[1]).max() < 1e-4 * pictures[0].max()
+    assert np.abs(pictures[0] - pictures[1]).max() < 3e-4 * pictures[0].max()
 
 
 @pytest.mark.feature("fog/apply")
@@ -161,16 +164,18 @@ def test_light_of_columns_is_that_of_quadrature(chapter):
 @pytest.mark.parametrize("graph", ["deferred", "compute"])
 @pytest.mark.parametrize("size", [(64, 48), (61, 47)])
 def test_half_resolution_has_no_halo(chapter, graph, size):
-    """Nowhere, across depth edges neither, is a picture off by more than two steps of 8 bits."""
-    medium = Medium(0.25, albedo=(1.0, 1.0, 1.0))
-    settings = replaced(BASE, graph=graph, ambient=3.0, fog_columns=32, fog_rows=24)
+    """Nowhere, across depth edges neither, is a picture off by two steps of 8 bits; taking any depth does worse."""
+    near = placed((2.4, 2.1, 3.2), (0.6, 0.5), (0.9, 0.1, 0.5))
+    scene = foggy(LAMP, medium=Medium(0.25, albedo=(1.0, 1.0, 1.0)), extra=(near,))
+    settings = replaced(BASE, graph=graph, ambient=2.0, fog_columns=32, fog_rows=24)
     found = []
-    for half in (False, True):
-        with chapter.open(foggy(LAMP, medium=medium), size, replaced(settings, fog_half=half)) as renderer:
+    for half, tolerance in ((False, 0.01), (True, 0.01), (True, 1.0)):
+        knobs = {"fog_half": half, "fog_half_tolerance": tolerance}
+        with chapter.open(scene, size, replaced(settings, **knobs)) as renderer:
             found.append(renderer.render(DARK).image("color").astype(int)[..., :3])
             assert ("fog_half" in [step.name for step in renderer.graph.steps]) == half
-    assert np.abs(found[0] - found[1]).max() <= 2
-    assert not np.array_equal(*found)
+    assert np.abs(found[0] - found[1]).max() <= 2 < np.abs(found[0] - found[2]).max()
+    assert not np.array_equal(found[0], found[1])
 
 
 @pytest.mark.feature("fog/half-resolution-apply")
@@ -179,9 +184,18 @@ def test_without_a_matching_sample_a_pixel_looks_up_its_own_fog(chapter):
     scene = foggy(LAMP, medium=HAZE)
     full, depth = picture(chapter, scene, graph="deferred", fog_format="rgba32f")
     half, _ = picture(chapter, scene, graph="deferred", fog_half=True, fog_half_tolerance=0.0)
-    assert (
-        np.abs(full - half)[depth > 0].max() < 4e-3 * full.max()
-    )  # samples are halves, and those are a pixel away
+    # Samples are halves, and those beside are a pixel away.
+    assert np.abs(full - half)[depth > 0].max() < 4e-3 * full.max()
+
+
+def test_half_resolution_says_where_it_has_no_effect(chapter):
+    scene = foggy(LAMP)
+    with chapter.open(scene, SIZE, replaced(BASE, graph="forward", fog_half=True)) as renderer:
+        renderer.render(VIEW)
+        assert any("fog_half has no effect" in sentence for sentence in scene.warnings)
+    scene = foggy(LAMP)
+    with chapter.open(scene, SIZE, replaced(BASE, graph="deferred", fog_half=True)):
+        assert not scene.warnings
 
 
 # --- dither ---
@@ -269,6 +283,7 @@ def test_what_cannot_be_is_refused_in_a_sentence(chapter, turned, words):
         chapter.open(foggy(LAMP), SIZE, replaced(BASE, **turned))
 
 
+@pytest.mark.feature("fog/inject-box", "fog/inject-constant-and-height")
 @pytest.mark.parametrize("density", [float("nan"), -1.0, float("inf")])
 def test_a_medium_of_no_density_is_refused(chapter, density):
     with pytest.raises(UserError, match="it is a number per metre"):

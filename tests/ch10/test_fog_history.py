@@ -74,16 +74,34 @@ def test_a_camera_that_moves_finds_its_history(chapter, scene):
 def test_a_view_at_rest_stays_as_it_is(chapter, monkeypatch):
     monkeypatch.setattr(model, "REST_FRAMES", 4)
     with opened(chapter, foggy(LAMP)) as renderer:
-        frames = []
+        frames, work = [], []
         for _ in range(8):
             frame = renderer.render(VIEW)
             frames.append((renderer.idle(VIEW), frame.image(HISTORY), frame.image("color")))
+            work.append(frame.work["dispatches"])
         assert [idle for idle, _, _ in frames] == [False] * 4 + [True] * 4
         for _, history, color in frames[5:]:
             assert np.array_equal(history, frames[4][1]) and np.array_equal(color, frames[4][2])
+        assert (
+            work[:5] == [work[0]] * 5 and work[5:] == [work[0] - 4] * 3
+        )  # inject, scatter, temporal, integrate
         assert not renderer.idle(TURNED)
-        renderer.render(TURNED)
-        assert not renderer.idle(TURNED)
+        light, history = volumes(renderer, TURNED)
+        assert not np.array_equal(light, history) and not renderer.idle(TURNED)
+
+
+@pytest.mark.feature("fog/temporal-filter")
+def test_a_view_rests_once_its_shadow_maps_do(chapter, monkeypatch):
+    """Pages that come within some frames change light in fog: the count begins after the last map was drawn."""
+    monkeypatch.setattr(model, "REST_FRAMES", 4)
+    with opened(chapter, foggy(LAMP), shadows="on", shadow_memory="pages") as renderer:
+        idle, rounds = [], []
+        for _ in range(14):
+            renderer.render(VIEW).image("color")
+            idle.append(renderer.techniques["fog"].resting(0.0))
+            rounds.append(len(renderer.techniques["shadows"]._pass.schedule.faces) > 0)
+    last = max(i for i, any_ in enumerate(rounds) if any_)
+    assert not any(idle[: last + 5]) and idle[-1]
 
 
 @pytest.mark.feature("fog/temporal-filter")
@@ -138,3 +156,31 @@ def test_a_history_that_is_not_finite_does_not_stay(chapter, scene):
         for _ in range(3):
             light, history = volumes(renderer, VIEW)
             assert np.isfinite(light).all() and np.isfinite(history).all()
+
+
+@pytest.mark.parametrize("half", [False, True])
+def test_another_size_is_that_of_a_new_renderer(chapter, scene, half):
+    """Records and half-resolution pixels follow the size of the picture; a resize is a reset."""
+    settings = replaced(BASE, graph="deferred", fog_half=half)
+    with chapter.open(scene, (50, 30), settings, outputs={"color"}) as renderer:
+        for size in (SIZE, (33, 71), SIZE):
+            renderer.render(VIEW)
+            renderer.resize(size)
+        found = [renderer.render(VIEW).image("color") for _ in range(2)]
+    with chapter.open(scene, SIZE, settings, outputs={"color"}) as renderer:
+        assert all(np.array_equal(renderer.render(VIEW).image("color"), picture) for picture in found)
+
+
+@pytest.mark.feature("fog/spatial-filter")
+def test_filters_are_switched_off_one_by_one(chapter, scene):
+    """Readers of a filter get what the filter would have read."""
+    with opened(chapter, scene, fog_spatial=True) as renderer:
+        renderer.render(VIEW).image("color")
+        renderer.switch_pass("fog_spatial", False)
+        light, history = volumes(renderer, VIEW)
+        assert np.array_equal(light, history) and light.any()  # another graph, and no history yet
+        assert "fog_spatial" not in [step.name for step in renderer.graph.steps]
+        renderer.switch_pass("fog_temporal", False)
+        frame = renderer.render(VIEW)
+        assert np.isfinite(frame.image(LIGHT)).all() and frame.image("color").any()
+        assert "fog_temporal" not in [step.name for step in renderer.graph.steps]

@@ -9,7 +9,7 @@ import pytest
 
 from chapters.ch10.settings import Settings
 from common.environment.medium import medium_of
-from common.scene import FogBox, Medium
+from common.scene import FogBox, Medium, stability
 from common.settings import replaced
 from common.view.camera import View
 from tests.support.fog import FULL, HAZE, LAYERS, SIZE, VIEW, foggy, grid_of, noise_volume
@@ -44,7 +44,7 @@ def test_noise_is_made_once_and_tiles(chapter):
     places = (np.stack(np.indices((32, 32, 32))[::-1], axis=-1) + 0.5) / 32
     truth = twin.octaves_of_noise(places, 4, 7, 0)
     assert np.abs(volume - truth).max() < 2.0**-11
-    assert np.allclose(twin.octaves_of_noise(places + (1.0, -2.0, 3.0), 4, 7, 0), truth, atol=1e-12)
+    assert np.allclose(twin.octaves_of_noise(places + np.array((1.0, -2.0, 3.0)), 4, 7, 0), truth, atol=1e-12)
     assert dispatches[0] == dispatches[1] + 1 and len(set(dispatches[1:])) == 1
     assert abs(volume.mean() - 0.5) < 0.02 and volume.std() > 0.03
 
@@ -148,6 +148,26 @@ def test_the_view_of_slices_has_a_colour_for_each_and_no_froxels(chapter):
     assert len(set.union(*colors.values())) == len(colors)
 
 
+# --- other worlds ---
+
+
+@pytest.mark.feature("fog/apply")
+def test_a_world_that_is_moved_or_scaled_looks_the_same(chapter):
+    """Fog, too: 100 km away, and a thousand times as large or as small. The denser medium shows that it could fail."""
+    scene, view = foggy(LAMP, medium=LAYERS), replace(VIEW, ev100=VIEW.ev100 + 2)
+    knobs = replaced(BASE, **{**NOISY, "ambient": 1.0})
+
+    def drawn(scene, view):
+        with chapter.open(scene, SIZE, knobs, outputs={"color"}) as renderer:
+            return renderer.render(view).image("color")
+
+    still = drawn(scene, view)
+    for name, changed, seen_from in stability.cases(scene, view):
+        assert stability.pixels_changed(still, drawn(changed, seen_from)) <= stability.BOUND, name
+    denser = replace(scene, medium=replace(LAYERS, extinction=0.05))
+    assert stability.pixels_changed(still, drawn(denser, view)) > 0.1
+
+
 # --- files ---
 
 
@@ -159,12 +179,17 @@ def test_a_scene_says_its_medium():
         "height_base": 0.2,
         "albedo": [0.9, 0.8, 0.7],
         "boxes": [
-            {"center": [1.0, 0.8, 1.5], "half_size": [0.8, 0.7, 0.9], "extinction": 0.6, "albedo": [0.2, 0.5, 0.9]}
+            {
+                "center": [1.0, 0.8, 1.5],
+                "half_size": [0.8, 0.7, 0.9],
+                "extinction": 0.6,
+                "albedo": [0.2, 0.5, 0.9],
+            }
         ],
         "of a later version": 1,
     }
     assert medium_of({"fog": said}) == LAYERS
     assert medium_of({}) is None and medium_of({"fog": {}}) == Medium()
-    assert medium_of({"fog": {"boxes": [{"center": [0, 1, 0], "half_size": [1, 1, 1], "extinction": 2}]}}) == Medium(
-        boxes=(FogBox((0.0, 1.0, 0.0), (1.0, 1.0, 1.0), 2.0),)
-    )
+    assert medium_of(
+        {"fog": {"boxes": [{"center": [0, 1, 0], "half_size": [1, 1, 1], "extinction": 2}]}}
+    ) == Medium(boxes=(FogBox((0.0, 1.0, 0.0), (1.0, 1.0, 1.0), 2.0),))

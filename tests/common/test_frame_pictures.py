@@ -104,3 +104,12 @@ def test_what_is_no_number_is_magenta(name, format, shape, bad):
     assert shown[0, 1].tolist() == [255, 0, 255]
     assert "1 pixels are NaN or infinite" in mapping
     assert (shown[1] != (255, 0, 255)).any(axis=-1).all()
+
+
+def test_a_volume_is_a_sheet_of_its_slices():
+    volume = np.zeros((5, 2, 3, 4), np.float32)
+    volume[..., 0] = np.arange(5)[:, None, None] * 2.0
+    shown, mapping = picture_of(volume, "fog_light", "rgba16f", FLAT)
+    assert shown.shape == (4, 9, 3) and "5 slices in rows of 3, divided by 8" in mapping
+    tiles = [shown[2 * (i // 3), 3 * (i % 3), 0] for i in range(6)]
+    assert tiles[0] == tiles[5] == 0 and list(tiles[:5]) == sorted(tiles[:5]) and tiles[4] == 255

@@ -15,21 +15,24 @@ BOX = np.dtype([("center", np.float32, 4), ("half_size", np.float32, 4), ("albed
 
 BLOCK = np.dtype(
     [
+        ("wind", np.float32, 4),
+        ("history", np.float32, 4),
+        ("frame", np.uint32, 4),
+        ("places", np.uint32, 4),
         ("range", np.float32, 4),
         ("size", np.uint32, 4),
         ("constant", np.float32, 4),
         ("height", np.float32, 4),
         ("shape", np.float32, 4),
-        ("wind", np.float32, 4),
         ("bounds", np.float32, 4),
         ("ambient", np.float32, 4),
-        ("history", np.float32, 4),
-        ("frame", np.uint32, 4),
-        ("places", np.uint32, 4),
         ("boxes", BOX, model.MOST_BOXES),
     ]
 )
 """The block of a slot (fog/scene.glsl), which std140 lays out without gaps: all of it is vectors of four."""
+
+OF_FRAME = 64
+"""Bytes at the beginning of the block that change from frame to frame."""
 
 
 class FogMemory:
@@ -54,17 +57,14 @@ class FogMemory:
         self.store = self._create_buffer(words * model.WORD_BYTES, model.ranks(), "fog store")
 
     def write(self, slot: int, block: np.ndarray) -> int:
-        """Write the block of a slot, if it is another one; return the bytes written."""
-        content = block.tobytes()
+        """Write the bytes of a block to a slot: all of them once, and then what has changed; return their number."""
+        content = block[:OF_FRAME].tobytes()
         if self._written[slot] == content:
             return 0
+        size = OF_FRAME if self._written[slot] else BLOCK.itemsize
         self._written[slot] = content
-        self._mapped(slot)[: len(content)] = np.frombuffer(content, np.uint8)
-        return len(content)
-
-    def _mapped(self, slot: int) -> np.ndarray:
-        mapped: np.ndarray = self.blocks[slot].view(np.uint8)
-        return mapped
+        self.blocks[slot].view(np.uint8)[:size] = block[:size]
+        return size
 
     def _create_block(self, name: str) -> Any:
         """Return a buffer that the CPU writes and shaders read."""

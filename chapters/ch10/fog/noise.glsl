@@ -1,5 +1,5 @@
-// The noise of the medium: a volume of NOISE_SIZE^3 halves, made once, behind the ranks of blue noise in the tables. It repeats in all axes, and wind shifts
-// it. Its mean is one half, so that the factor of the medium has the mean 1.
+// The noise of the medium: a volume of NOISE_SIZE^3 halves, made once, behind the ranks of blue noise in the tables. It
+// repeats in all axes, and wind shifts it. Its mean is one half, so that the factor of the medium has the mean 1.
 
 const uint NOISE_PLACE = 128u * 128u;
 

@@ -68,8 +68,8 @@ class FogPass(Pass):
     def __init__(self, parts: PassParts) -> None:
         self._settings, self._pipelines, self._draws = parts.settings, parts.pipelines, parts.draws
         self._data = parts.data
-        self.in_view = True
-        """Whether any of the medium is in view: else nothing is dispatched."""
+        self.active = True
+        """Whether fog is in view, and its froxels change: else nothing is dispatched."""
         self._volume()
 
     def _volume(self, instead: str = "") -> None:
@@ -113,15 +113,15 @@ class FogPass(Pass):
         return model.grid_of(self._settings.fog)
 
     def record(self, commands: Commands) -> None:
-        """Record the kernel over all froxels, if there is fog in view."""
-        if self.in_view:
+        """Record the kernel over all froxels, if they change."""
+        if self.active:
             (pipeline,) = self.pipelines
             commands.bind_compute(pipeline, self._draws.binding)
             commands.dispatch_over(pipeline, self.extent())
 
     def key(self, slot: int) -> Any:
         """Return what the recording depends on."""
-        return self.in_view
+        return self.active
 
 
 class NoisePass(FogPass):
@@ -148,14 +148,14 @@ class NoisePass(FogPass):
 
     def record(self, commands: Commands) -> None:
         """Record the kernel, once. It reads nothing of the scene."""
-        if self.due and self.in_view:
+        if self.due and self.active:
             (pipeline,) = self.pipelines
             commands.bind_compute(pipeline)
             commands.dispatch_over(pipeline, self.extent())
 
     def key(self, slot: int) -> Any:
         """Return whether the kernel runs."""
-        return self.due, self.in_view
+        return self.due, self.active
 
 
 class InjectPass(FogPass):
@@ -270,7 +270,7 @@ class HalfPass(FogPass):
 
     def key(self, slot: int) -> Any:
         """Return what the recording depends on."""
-        return self.in_view, self.size
+        return self.active, self.size
 
 
 FOG_PASSES = (NoisePass, InjectPass, ScatterPass, SpatialPass, TemporalPass, IntegratePass, HalfPass)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -12,18 +13,27 @@ from common.scene import Scene
 
 from ..environment import model as environment
 from ..frames.backend.backend import Backend
+from ..hdr.model import automatic
 from ..scene.pass_parts import PassParts
 from ..settings import Settings
 from . import model
 from .memory import BLOCK, FogMemory
 from .passes import FOG_PASSES, LIT, FogPass, HalfPass, NoisePass, read_fog
 
+HISTORY_SHARE, FRAME, HALF_COLUMNS = 4, 8, 15
+"""Words of the block (memory.py)."""
+
+HALF_WITHOUT_EFFECT = (
+    "fog_half has no effect without a G-buffer: the depth of surfaces is not known before they are lit."
+)
+
 
 class FogTechnique(Technique):
     """Owns what all shaders see of fog.
 
     The share of a frame in the history is 1 / n in frame n of a view without changes, so the history is their mean.
-    After REST_FRAMES it stays as it is. While something changes, the share is that of the settings.
+    After REST_FRAMES it stays as it is: the next frame makes the other image equal, and later ones have no work. While
+    something changes, the share is that of the settings.
     """
 
     name = "fog"
@@ -39,6 +49,9 @@ class FogTechnique(Technique):
         self._state: Any = None
         self._size: tuple[int, int] | None = None
         self._noise_sent = self._visible = False
+        self._passes: Any = None
+        self._shadows: Any = None
+        self._drawn = 0
 
     def create(self, parts: PassParts, backend: Backend, passes: Mapping[str, Pass]) -> None:
         """Make the passes, and the memory, which becomes a part of the scene's bindings."""
@@ -49,11 +62,16 @@ class FogTechnique(Technique):
             return
         if FogPass.needed(parts.scene, parts.settings):
             read_fog([gpu_pass for name, gpu_pass in passes.items() if name in LIT])
+        without = model.half_in_use(parts.settings) and not HalfPass.needed(parts.scene, parts.settings)
+        if without and HALF_WITHOUT_EFFECT not in parts.scene.warnings:
+            parts.scene.warnings.append(HALF_WITHOUT_EFFECT)
         self._medium = model.medium_of(parts.scene, self._knobs)
         self._memory = parts.data.fog = backend.part(__package__).FogMemory(
             backend, model.table_bytes(parts.settings) if model.tables_in_use(parts.settings) else 0
         )
-        self._block = self._fixed_block()
+        self._block = block = self._fixed_block()
+        self._bytes = block.reshape(1).view(np.uint8)  # of the same memory, as are the next two
+        self._floats, self._words = self._bytes.view(np.float32), self._bytes.view(np.uint32)
         self._make_store((1, 1))
 
     def _fixed_block(self) -> np.ndarray:
@@ -61,6 +79,7 @@ class FogTechnique(Technique):
         scene, knobs, medium = self._parts.scene, self._knobs, self._medium
         block = np.zeros((), BLOCK)
         near, far = model.range_of(scene, knobs)
+        self._far = far
         block["range"] = near, np.log2(far / near), far, knobs.fog_anisotropy
         block["size"] = *model.grid_of(knobs), len(medium.boxes)
         block["constant"] = *medium.albedo, medium.extinction
@@ -90,24 +109,30 @@ class FogTechnique(Technique):
             self._show_store(frame)
         if self._noise_sent:
             self._noise.due = False
-        half = self._half
-        half.size, looked_up = frame.size, half in frame.passes
-        width, height = frame.size
-        block, wind = self._block, self._wind(frame.time)
-        state = frame.view, self._moment(frame.time), wind, dict(self.scene.revision)
+        if frame.passes is not self._passes:
+            self._passes, named = frame.passes, {gpu_pass.name: gpu_pass for gpu_pass in frame.passes}
+            self._moves, self._looks_up = bool(self.scene.animations) or "cloth" in named, "fog_half" in named
+            self._shadows = named.get("shadows")
+        if self._shadows is not None and len(self._shadows.schedule.faces):
+            self._drawn += 1  # the last frame drew shadow maps, which froxels read
+        width, height = self._half.size = frame.size
+        wind = self._wind(frame.time)
+        moment = frame.time if self._moves else 0.0
+        state = frame.view, moment, wind, dict(self.scene.revision), self._drawn
         self._still = self._still + 1 if state == self._state else 0
         self._state = state
-        visible = model.in_view(self._medium, frame.view, width / height, float(block["range"][2]))
+        visible = model.in_view(self._medium, frame.view, width / height, self._far)
+        rests = self._still > model.REST_FRAMES and not automatic(self._parts.settings)
         for own in self._own:
-            own.in_view = visible
-        block["wind"][:3] = wind
-        block["history"][0] = self._share()
-        block["frame"] = self._age & 255, self._still > 0, visible, self._visible
-        block["places"][3] = -(-width // 2) if looked_up else 0
+            own.active = visible and not rests
+        self._floats[:3] = wind
+        self._floats[HISTORY_SHARE] = self._share()
+        self._words[FRAME : FRAME + 4] = self._age & 255, self._still > 0, visible, self._visible
+        self._words[HALF_COLUMNS] = -(-width // 2) if self._looks_up else 0
         self._visible = visible
         self._age = self._age + 1 if visible else 0
         self._noise_sent = self._noise.due and visible
-        return self._memory.write(frame.slot, block)
+        return self._memory.write(frame.slot, self._bytes)
 
     def _make_store(self, size: tuple[int, int]) -> None:
         """Make the store for a picture of `size` pixels."""
@@ -144,16 +169,12 @@ class FogTechnique(Technique):
             return 0.0
         return max(1.0 / (self._age + 1), min(self._knobs.fog_share, 1.0 / (self._still + 1)))
 
-    def _moment(self, time: float) -> float:
-        """Return the time, if anything moves with it."""
-        return time if self.scene.animations else 0.0
-
     def _wind(self, time: float) -> tuple[float, ...]:
         """Return the shift of the noise in periods, 0 to 1: wrapped in float64, so that it loses no digits."""
         if not model.noise_in_use(self._parts.settings):
             return (0.0, 0.0, 0.0)
-        velocity = np.array(model.WIND) / np.linalg.norm(model.WIND) * self._knobs.fog_wind
-        return tuple((velocity * time * self._periods % 1.0).tolist())
+        periods = self._knobs.fog_wind * self._periods * time / math.hypot(*model.WIND)
+        return tuple(axis * periods % 1.0 for axis in model.WIND)
 
     def resting(self, time: float) -> bool:
         """Whether the history stays as it is, and no wind blows."""
