@@ -13,7 +13,7 @@ from common.paths import ROOT
 from tests.support.drivers import needs_feature
 from tests.support.gl_functions import assert_silent
 
-WITH_STUDIES = (1, 2, 3, 4, 5, 6, 7, 8, 9)
+WITH_STUDIES = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10)
 ALL = tuple(f"{number}/{name}" for number in WITH_STUDIES for name in studies.available(number))
 ONE_BACKEND = {
     "4/barriers": ("vulkan",),
@@ -49,6 +49,8 @@ def test_both_backends_draw_the_same_picture(vulkan_device, gl_context, which, t
     software = vulkan_device.capabilities.is_software and gl_context.capabilities.is_software
     if which == "1/sine-hash" and not software:
         color = color[:, 24:]  # the left half is what no two drivers agree on: that is what it shows
+    if which == "10/phase-functions":
+        color = color[:, : 48 * 3 // 5]  # the rest shows rounding, which no two compilers share
     assert color.max() <= (1 if software else 2)
     if "depth" in outputs and software:
         assert (frames["vulkan"]["depth"] == frames["gl"]["depth"]).all()
@@ -59,7 +61,7 @@ def test_studies_are_small_and_each_follows_the_one_before():
     """At most about 150 lines a file, on both backends; the way in without gaps; a first sentence in each."""
     from tools.diff.sentences import first_sentence
 
-    for number, first in ((1, 5), (2, 4), (3, 2), (4, 8), (5, 5), (6, 5), (7, 3), (8, 4), (9, 2)):
+    for number, first in ((1, 5), (2, 4), (3, 2), (4, 8), (5, 5), (6, 5), (7, 3), (8, 4), (9, 2), (10, 3)):
         order = [about.order for about in studies.available(number).values()]
         assert order[:first] == list(range(1, first + 1)) and len(set(order)) == len(order)
     for which in ALL:

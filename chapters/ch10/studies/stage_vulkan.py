@@ -27,6 +27,12 @@ from ..pipelines.description import Built
 from ..pipelines.vulkan import Pipelines
 from ..pipelines.vulkan_descriptors import Descriptors, Held
 
+WRITTEN = (vk.VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT, vk.VK_ACCESS_2_SHADER_STORAGE_WRITE_BIT)
+READ = (
+    vk.VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT | vk.VK_PIPELINE_STAGE_2_FRAGMENT_SHADER_BIT,
+    vk.VK_ACCESS_2_SHADER_STORAGE_READ_BIT,
+)
+
 
 class Stage(AnyStage):
     """A study of this chapter on Vulkan."""
@@ -35,6 +41,9 @@ class Stage(AnyStage):
     graphics = Graphics(Frames, Commands, Rendering, Descriptors, Pipelines, Profiler, target_usage)
     pipelines: Pipelines
     descriptors: Descriptors
+    shown = barriers(memory=(*READ, *WRITTEN))
+    """What the last frame reads has been read."""
+    computed = barriers(memory=(*WRITTEN, *READ))
 
     def set_of(self, pipeline: Built, held: Mapping[int, Held], name: str, sized: bool = False) -> Any:
         """Return a descriptor set of a pipeline's bindings, for `bind_set` and `bind_compute_set`; `held` are the
@@ -48,6 +57,17 @@ class Stage(AnyStage):
         if sized:
             self.keep_sized(sets, self.descriptors.destroy)
         return vk.array("VkDescriptorSet", sets.handles)
+
+    def compute(
+        self, commands: Commands, kernel: Built, bound: Any, pushed: np.ndarray | None, extent: Sequence[int]
+    ) -> None:
+        """Dispatch as many work groups as cover `extent`, and let kernels and fragments behind see what they write."""
+        commands.bind_compute(kernel)
+        commands.bind_compute_set(kernel, 0, bound)
+        if pushed is not None:
+            commands.push(kernel, pushed)
+        commands.dispatch_over(kernel, extent)
+        commands.barrier(self.computed)
 
     def empty(self, size: int, uses: Sequence[str], name: str, sized: bool = False) -> Buffer:
         """Return a buffer in the GPU's own memory for shaders to fill; `download` copies it.
