@@ -370,6 +370,9 @@ class FrameInfo:
     passes: Collection[Pass]
     """The passes of this frame."""
 
+    still: bool = False
+    """Whether the frame shows what the last one showed, and each technique rests that does not `settle_last`."""
+
 
 class Technique:
     """The work of a subject outside its passes, from the opening of a renderer to its closing.
@@ -391,6 +394,9 @@ class Technique:
 
     work: dict[str, int]
     """Counters of the last frame."""
+
+    settles_last = False
+    """Whether the subject begins to rest when all others do: it reads `FrameInfo.still`."""
 
     def __init__(self, scene: Scene, settings: Any) -> None:
         self.scene = scene

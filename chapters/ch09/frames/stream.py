@@ -181,7 +181,8 @@ class FrameStream:
         written += self._api.deform(slot, pose)
         written += self._draws.prepare(slot.index, view)
         if self.techniques:
-            info = FrameInfo(slot.index, view, time, self.size, posed, self.passes)
+            still = not reset and self._unchanged(view, time)
+            info = FrameInfo(slot.index, view, time, self.size, posed, self.passes, still)
             written += sum(technique.prepare(info) for technique in self.techniques.values())
         data.update_textures(slot.index, view)
         self._last = self._state(view, time)
@@ -235,10 +236,14 @@ class FrameStream:
 
     def idle(self, view: View, time: float = 0.0) -> bool:
         """Whether a frame now would equal the last one: same view, same scene, and nothing moves by itself."""
-        resting = not self._loading.busy and all(
-            subject.resting(time) for subject in self.techniques.values()
-        )
-        return bool(self._last == self._state(view, time)) and resting
+        rest = all(subject.resting(time) for subject in self.techniques.values() if subject.settles_last)
+        return self._unchanged(view, time) and rest
+
+    def _unchanged(self, view: View, time: float) -> bool:
+        """Whether a frame shows what the last one did, apart from subjects that settle when all others have."""
+        others = (subject for subject in self.techniques.values() if not subject.settles_last)
+        same = not self._loading.busy and bool(self._last == self._state(view, time))
+        return same and all(subject.resting(time) for subject in others)
 
     def wait_loaded(self) -> None:
         """Wait until every texture is loaded or has failed: the next frame is the final picture."""

@@ -13,7 +13,10 @@ layout(local_size_x = EDGE_TILE / 2, local_size_y = EDGE_TILE / 2) in;
 #include "srgb.glsl"
 
 layout(BIND(0, 0, 0)) uniform sampler2D color_hdr;
-layout(BIND(0, 1, 0), r32ui) uniform writeonly uimage2D history_rates;
+layout(BIND(0, 1, 1)) uniform usampler2D rates;
+layout(BIND(0, 2, 0), r32ui) uniform writeonly uimage2D history_rates;
+
+layout(constant_id = 0) const int STILL = 0;  // frames without a change
 
 const int BORDERED = EDGE_TILE + 2, TEXELS = EDGE_TILE / RATE_TEXEL, GROUP = EDGE_TILE * EDGE_TILE / 4;
 shared float tile[BORDERED * BORDERED];
@@ -47,6 +50,13 @@ float squared_gradient(int middle) {
 void main() {
     ivec2 first = ivec2(gl_WorkGroupID.xy) * EDGE_TILE, within = 2 * ivec2(gl_LocalInvocationID.xy);
     int number = int(gl_LocalInvocationIndex);
+    if (STILL >= LAST) {  // all edges are known: the next frame finds this frame's mask in place of edges
+        for (int i = number; i < TEXELS * TEXELS; i += GROUP) {
+            ivec2 texel = ivec2(gl_WorkGroupID.xy) * TEXELS + ivec2(i % TEXELS, i / TEXELS);
+            imageStore(history_rates, texel, texelFetch(rates, texel, 0));
+        }
+        return;
+    }
     for (int i = number; i < TEXELS * TEXELS; i += GROUP) {
         edges[i] = 0u;
     }
@@ -67,6 +77,7 @@ void main() {
     }
     barrier();
     for (int i = number; i < TEXELS * TEXELS; i += GROUP) {
-        imageStore(history_rates, ivec2(gl_WorkGroupID.xy) * TEXELS + ivec2(i % TEXELS, i / TEXELS), uvec4(edges[i] != 0u ? 0u : COARSE));
+        ivec2 texel = ivec2(gl_WorkGroupID.xy) * TEXELS + ivec2(i % TEXELS, i / TEXELS);
+        imageStore(history_rates, texel, uvec4(edges[i] != 0u ? 0u : COARSE));
     }
 }

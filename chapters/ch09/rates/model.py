@@ -30,6 +30,11 @@ MASK = "rate_mask"
 LONGEST = 4
 """Pixels along the longest block."""
 
+WHOLE, LAST, KEPT = 2, 3, 4
+"""Frames without a change, counted. WHOLE is lit at each pixel, so that its edges are those of the whole picture. LAST
+has the mask of these edges, without turns. It is kept from KEPT on, until something changes.
+"""
+
 Defines = tuple[tuple[str, int | float | str], ...]
 
 
@@ -78,6 +83,9 @@ def mask_defines(settings: Any, texel: int) -> Defines:
         ("RATE_TEXEL", texel),
         ("TILE", max(texel, GROUP)),
         ("EDGE_TILE", EDGE_TILE),
+        ("WHOLE", WHOLE),
+        ("LAST", LAST),
+        ("KEPT", KEPT),
         coarse_define(settings),
         ("COARSE_SIDE", decode(coarse_code(settings))[0]),
         *(
