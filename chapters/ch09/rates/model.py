@@ -30,9 +30,10 @@ MASK = "rate_mask"
 LONGEST = 4
 """Pixels along the longest block."""
 
-WHOLE, LAST, KEPT = 2, 3, 4
-"""Frames without a change, counted. WHOLE is lit at each pixel, so that its edges are those of the whole picture. LAST
-has the mask of these edges, without turns. It is kept from KEPT on, until something changes.
+WHOLE, LAST, KEPT = 9, 10, 11
+"""Frames without a change, counted, behind a whole round of turns. WHOLE is lit at each pixel, so that its edges are
+those of the whole picture. LAST has the mask of these edges, without turns. From KEPT on it is kept until something
+changes.
 """
 
 Defines = tuple[tuple[str, int | float | str], ...]

@@ -69,17 +69,21 @@ class RatePass(Pass):
 
         They have one module, and so the same bindings. A work group has a tile of so many pixels.
         """
-        chosen = [replace(described, specialization=(("STILL", still),) * (still > 0)) for still in stills]
-        self._by_still = self._pipelines.get(chosen)
-        self.pipelines, self._tile = self._by_still[:1], tile
+        values = sorted(set(stills))
+        built = self._pipelines.get(
+            [replace(described, specialization=(("STILL", value),) * (value > 0)) for value in values]
+        )
+        self._by_still = [built[values.index(still)] for still in stills]
+        self.pipelines, self._tile = built[:1], tile
 
     def key(self, slot: int) -> Any:
-        """Return the pipeline's place."""
-        return self._draws.key(slot), self.still
+        """Return what the recording depends on: few counts have a pipeline of their own."""
+        return self._draws.key(slot), id(self._by_still[self.still])
 
     def record(self, commands: Commands) -> None:
         """Record a work group for each tile."""
-        commands.bind_compute(self._by_still[self.still], self._draws.binding)
+        scene = self._draws.binding if self.sources == BEHIND_SCENE else None
+        commands.bind_compute(self._by_still[self.still], scene)
         commands.dispatch(*self.tiles(commands.extent, self._tile))
 
     def tiles(self, texels: Sequence[int], pixels: int) -> tuple[int, ...]:
@@ -106,8 +110,8 @@ class RateMaskPass(RatePass):
         defines = (*model.mask_defines(self._settings, self._mask.texel), *code_defines(self._settings))
         defines = (*defines, ("RATE_FORMAT", self._mask.format))
         built = ComputeDescription("rates/mask.comp", defines, name=self.name)
-        follows = follows_edges(self._settings)
-        self.build(built, (0, 0, model.WHOLE, model.LAST, model.KEPT) if follows else (0,), model.GROUP)
+        rest = (model.WHOLE, model.LAST, model.KEPT) if follows_edges(self._settings) else ()
+        self.build(built, (*(0,) * model.WHOLE, *rest), model.GROUP)
 
 
 class RateEdgesPass(RatePass):
@@ -130,7 +134,7 @@ class RateEdgesPass(RatePass):
         """Build the pipelines: for edges, and to keep the mask."""
         defines = (*model.mask_defines(self._settings, self._mask.texel), *tonemap_defines(self._settings))
         built = ComputeDescription("rates/edges.comp", defines, name=self.name)
-        self.build(built, (0, 0, 0, model.LAST, model.LAST), model.EDGE_TILE)
+        self.build(built, (*(0,) * model.LAST, model.LAST, model.LAST), model.EDGE_TILE)
 
 
 FOLLOW = RateMaskPass.name, RateEdgesPass.name

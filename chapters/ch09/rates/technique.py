@@ -1,4 +1,4 @@
-"""Shading rates outside of their passes: the sentence about a policy that has no effect, and frames that change nothing."""
+"""Shading rates outside of their passes: a policy that has no effect, and frames in which nothing changes."""
 
 from __future__ import annotations
 
@@ -36,9 +36,10 @@ class RateTechnique(Technique):
 
     def prepare(self, frame: FrameInfo) -> int:
         """Count frames in which nothing changes; return 0, as nothing is written."""
-        self._still = min(self._still + 1, KEPT) if frame.still else 0
-        for gpu_pass in self._followed:
-            gpu_pass.still = self._still
+        if self._followed:
+            self._still = min(self._still + 1, KEPT) if frame.is_still() else 0
+            for gpu_pass in self._followed:
+                gpu_pass.still = self._still
         return 0
 
     def resting(self, time: float) -> bool:
