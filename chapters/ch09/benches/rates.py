@@ -236,7 +236,7 @@ def _seen(
     for _ in range(TURN):
         _turning(renderer)
         frames.append(_errors(renderer, view, truth, size))
-    means = {name: [found[name] for found in frames if found[name] is not None] for name in frames[0]}
+    means = {name: [it for found in frames if (it := found[name]) is not None] for name in frames[0]}
     return {name: float(np.mean(values)) if values else None for name, values in means.items()}
 
 

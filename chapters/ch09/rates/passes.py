@@ -135,7 +135,3 @@ class RateEdgesPass(RatePass):
         defines = (*model.mask_defines(self._settings, self._mask.texel), *tonemap_defines(self._settings))
         built = ComputeDescription("rates/edges.comp", defines, name=self.name)
         self.build(built, (*(0,) * model.LAST, model.LAST, model.LAST), model.EDGE_TILE)
-
-
-FOLLOW = RateMaskPass.name, RateEdgesPass.name
-"""The passes that follow edges."""

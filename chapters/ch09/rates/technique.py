@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 from backends.contract import FrameInfo, Pass, Technique
 from common.scene import Scene
@@ -12,7 +12,7 @@ from ..scene.pass_parts import PassParts
 from ..settings import Settings
 from .model import KEPT
 from .native import without_effect
-from .passes import FOLLOW, RatePass, follows_edges
+from .passes import RatePass, follows_edges
 
 
 class RateTechnique(Technique):
@@ -24,7 +24,7 @@ class RateTechnique(Technique):
     def __init__(self, scene: Scene, settings: Settings) -> None:
         super().__init__(scene, settings)
         self._settings = settings
-        self._followed: Sequence[RatePass] = ()
+        self._followed: list[RatePass] = []
         self._still = 0
 
     def create(self, parts: PassParts, backend: Backend, passes: Mapping[str, Pass]) -> None:
@@ -32,7 +32,8 @@ class RateTechnique(Technique):
         sentence = without_effect(self._settings, backend.plan, parts.limits)
         if sentence and sentence not in parts.scene.warnings:
             parts.scene.warnings.append(sentence)
-        self._followed = [passes[name] for name in FOLLOW if follows_edges(self._settings)]
+        if follows_edges(self._settings):
+            self._followed = [one for one in passes.values() if isinstance(one, RatePass)]
 
     def prepare(self, frame: FrameInfo) -> int:
         """Count frames in which nothing changes; return 0, as nothing is written."""
