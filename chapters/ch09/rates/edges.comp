@@ -18,7 +18,7 @@ layout(BIND(0, 2, 0), r32ui) uniform writeonly uimage2D history_rates;
 
 layout(constant_id = 0) const int STILL = 0;  // frames without a change
 
-const int BORDERED = EDGE_TILE + 2, TEXELS = EDGE_TILE / RATE_TEXEL, GROUP = EDGE_TILE * EDGE_TILE / 4;
+const int BORDERED = EDGE_TILE + 2, TEXELS = EDGE_TILE / RATE_TEXEL, INVOCATIONS = EDGE_TILE * EDGE_TILE / 4;
 shared float tile[BORDERED * BORDERED];
 shared uint edges[TEXELS * TEXELS];
 
@@ -51,16 +51,16 @@ void main() {
     ivec2 first = ivec2(gl_WorkGroupID.xy) * EDGE_TILE, within = 2 * ivec2(gl_LocalInvocationID.xy);
     int number = int(gl_LocalInvocationIndex);
     if (STILL >= LAST) {  // all edges are known: the next frame finds this frame's mask in place of edges
-        for (int i = number; i < TEXELS * TEXELS; i += GROUP) {
+        for (int i = number; i < TEXELS * TEXELS; i += INVOCATIONS) {
             ivec2 texel = ivec2(gl_WorkGroupID.xy) * TEXELS + ivec2(i % TEXELS, i / TEXELS);
             imageStore(history_rates, texel, texelFetch(rates, texel, 0));
         }
         return;
     }
-    for (int i = number; i < TEXELS * TEXELS; i += GROUP) {
+    for (int i = number; i < TEXELS * TEXELS; i += INVOCATIONS) {
         edges[i] = 0u;
     }
-    for (int i = number; i < BORDERED * BORDERED; i += GROUP) {
+    for (int i = number; i < BORDERED * BORDERED; i += INVOCATIONS) {
         tile[i] = code_at(first - 1 + ivec2(i % BORDERED, i / BORDERED));
     }
     barrier();
@@ -76,7 +76,7 @@ void main() {
         atomicOr(edges[texel.y * TEXELS + texel.x], 1u);
     }
     barrier();
-    for (int i = number; i < TEXELS * TEXELS; i += GROUP) {
+    for (int i = number; i < TEXELS * TEXELS; i += INVOCATIONS) {
         ivec2 texel = ivec2(gl_WorkGroupID.xy) * TEXELS + ivec2(i % TEXELS, i / TEXELS);
         imageStore(history_rates, texel, uvec4(edges[i] != 0u ? 0u : COARSE));
     }
