@@ -72,6 +72,10 @@ void main() {
         edge = edge || inside && !(squared_gradient((at.y + 1) * BORDERED + at.x + 1) <= THRESHOLD);
     }
     ivec2 texel = within / RATE_TEXEL;
+    if (RATE_TEXEL == 2) {  // a texel for each invocation
+        imageStore(history_rates, ivec2(gl_WorkGroupID.xy) * TEXELS + texel, uvec4(edge ? 0u : COARSE));
+        return;
+    }
     if (edge) {
         atomicOr(edges[texel.y * TEXELS + texel.x], 1u);
     }

@@ -33,7 +33,7 @@ class RateTechnique(Technique):
         if sentence and sentence not in parts.scene.warnings:
             parts.scene.warnings.append(sentence)
         if follows_edges(self._settings):
-            self._followed = [it for it in passes.values() if isinstance(it, RatePass)]
+            self._followed = [step for step in passes.values() if isinstance(step, RatePass)]
 
     def prepare(self, frame: FrameInfo) -> int:
         """Count frames in which nothing changes; return 0, as nothing is written."""
