@@ -110,6 +110,8 @@ LESSON = Lesson(
         "frames/backend/gl.py": "hands over the scene's constants",
         "frames/backend/vulkan.py": "hands over the scene's constants",
         "frames/stream.py": "tells whether anything changes",
+        "clusters/passes.py": "knows passes that light blocks",
+        "shadows/passes.py": "knows passes that light blocks",
         "graph/checks.py": "accepts masks of rates",
         "graph/compute.json": "names the passes of the mask",
         "graph/deferred.json": "names the passes of the mask",
