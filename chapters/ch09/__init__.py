@@ -109,6 +109,7 @@ LESSON = Lesson(
         "settings.py": "has one more group of knobs",
         "frames/backend/gl.py": "hands over the scene's constants",
         "frames/backend/vulkan.py": "hands over the scene's constants",
+        "frames/stream.py": "tells whether anything changed",
         "graph/checks.py": "accepts masks of rates",
         "graph/compute.json": "names the passes of the mask",
         "graph/deferred.json": "names the passes of the mask",
