@@ -172,7 +172,7 @@ def test_half_a_mask_of_2x2_takes_a_quarter_of_its_fragments(chapter, scene, tmp
     class Halves(RateMaskPass):
         def create(self):
             described = ComputeDescription(str(file), (("RATE_FORMAT", self._mask.format),), name=self.name)
-            self.pipelines = self._pipelines.get([described])
+            self.build(described, (0,), self._mask.texel)
 
     pixels, half = WHOLE[0] * WHOLE[1], WHOLE[0] // 2 * WHOLE[1]
     with chapter.open(scene, WHOLE, replaced(BASE, graph="deferred", **FULL_RATE), inspect=True) as renderer:
