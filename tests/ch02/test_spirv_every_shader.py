@@ -133,7 +133,7 @@ GIVEN_FROM_9 = {
     "COARSE": "5u",
     "COARSE_SIDE": 2,
     "RATE": "5u",
-    "RATE_AREA": 32,
+    "RATE_AREA": 16,
     "RATE_FORMAT": "r32ui",
     "RATE_TEXEL": 16,
     "SURFACE": 0.1,

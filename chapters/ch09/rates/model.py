@@ -18,7 +18,7 @@ GROUP = 16
 EDGE_TILE = 32
 """Pixels along the tile in which gradients are found: no texel is longer."""
 
-AREA = 32
+AREA = 16
 """Pixels along the area of a work group that lights."""
 
 RATES, EDGES = "rates", "history_rates"
