@@ -31,7 +31,7 @@ def measure(given: Given) -> dict[str, Answer]:
         "reads": (model.EDGE_TILE + 2) ** 2,
         "evaluations": TEXEL**2 + 15 * TEXEL**2 // 4,
         "small": 4 + (64 * 64 - 4) // 4,
-        "rounds": -(-(40 + (model.AREA**2 // 16 - 40) * 16) // INVOCATIONS),
+        "rounds": -(-(10 + (model.AREA**2 // 16 - 10) * 16) // INVOCATIONS),
         "lit": min(1916 + 4 // 2, 1918 - 1),
         "turns": int(((3 * x + 5 * y + 2) & 7 == 0).sum()),
         "diagonal": 16 * 16 + len({*diagonal.tolist()}),
