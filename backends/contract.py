@@ -6,7 +6,7 @@ technique from `Technique`. `Capabilities` lists the features of a device; `reso
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
@@ -372,6 +372,9 @@ class FrameInfo:
     passes: Collection[Pass]
     """The passes of this frame."""
 
+    is_still: Callable[[], bool] = bool
+    """Whether the frame shows what the last one showed, and each technique rests that does not `settle_last`."""
+
 
 class Technique:
     """The work of a subject outside its passes, from the opening of a renderer to its closing.
@@ -393,6 +396,9 @@ class Technique:
 
     work: dict[str, int]
     """Counters of the last frame."""
+
+    settles_last = False
+    """Whether the subject begins to rest when all others do: it calls `FrameInfo.is_still`."""
 
     def __init__(self, scene: Scene, settings: Any) -> None:
         self.scene = scene

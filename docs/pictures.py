@@ -278,10 +278,10 @@ RATES = 9
 """The chapter whose shading rates the sheet shows."""
 
 
-def rates_sheet(cell: tuple[int, int] = (264, 148), frames: int = 3, gain: float = 8.0) -> NDArray[Any]:
+def rates_sheet(cell: tuple[int, int] = (264, 148), frames: int = 40, gain: float = 8.0) -> NDArray[Any]:
     """Return (H, W, 3): the atrium at full rate, tinted by its rates, and the difference of both, `gain` times.
 
-    It is drawn four times as wide and high, since a texel of the mask has 16x16 pixels. The first frame is fine.
+    It is drawn four times as wide and high, since blocks are small, and until it rests: the mask is kept then.
     """
     scene, drawn = load_scene(locate("atrium")), []
     size = (4 * cell[0], 4 * cell[1])
@@ -290,13 +290,13 @@ def rates_sheet(cell: tuple[int, int] = (264, 148), frames: int = 3, gain: float
             preset(chapters.settings_class(RATES), "medium"),
             rate_policy=policy,
             rate_tint=tint,
-            rate_threshold=1.0,
-            rate_surface=0.3,
         )
         with chapters.open(RATES, "auto", scene=scene, size=size, settings=settings) as renderer:
             view = chapters.view_of(renderer)
+            frame = renderer.render(view)
             for _ in range(frames):
-                frame = renderer.render(view)
+                if not renderer.idle(view):
+                    frame = renderer.render(view)
             drawn.append(frame.image("color")[..., :3])
     whole, tinted, blocks = drawn
     apart = np.abs(whole.astype(np.int32) - blocks.astype(np.int32)).max(axis=-1, keepdims=True)

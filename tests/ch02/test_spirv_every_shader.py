@@ -133,7 +133,7 @@ GIVEN_FROM_9 = {
     "COARSE": "5u",
     "COARSE_SIDE": 2,
     "RATE": "5u",
-    "RATE_AREA": 32,
+    "RATE_AREA": 16,
     "RATE_FORMAT": "r32ui",
     "RATE_TEXEL": 16,
     "SURFACE": 0.1,
@@ -141,7 +141,13 @@ GIVEN_FROM_9 = {
 }
 GIVEN_IN: dict[str, dict[str, int | float | str | None]] = {
     "ssao": {"STEP": "ivec2(1, 0)"},
-    "rates": {"RADIUS": None},  # a condition here
+    "rates": {
+        "RADIUS": None,
+        "EDGE_TILE": 32,
+        "WHOLE": 9,
+        "LAST": 10,
+        "KEPT": 11,
+    },  # a radius is a condition here
     "shading_rates": {"COLUMNS": 8, "ROWS": 6, "BY_PRIMITIVE": 1},
     "transparency": {"STEP": 1},
     "separable_bloom": {"TAPS": ", ".join(["1.0"] * 11), "AXIS": 0},

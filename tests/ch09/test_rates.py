@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from chapters.ch09.rates.model import TEXEL
+from chapters.ch09.rates.model import EDGE_TILE, KEPT, LAST, TEXEL, WHOLE
 from chapters.ch09.settings import Settings
 from common.numerics.transforms import pose_looking_at
 from common.scene import Image, Light, Material
@@ -20,7 +20,7 @@ from tests.twins import rates as twin
 pytestmark = pytest.mark.variants("vulkan", "gl")
 
 SIZE = (151, 93)  # no multiple of a texel, a block or a work group
-BASE = Settings(**PLAIN, graph="compute", shadows="off", rate_policy="sobel")
+BASE = Settings(**PLAIN, graph="compute", shadows="off", rate_policy="sobel", rate_texel=TEXEL)
 LAMPS = (spot((1.5, 4.0, 1.0), (0.0, 0.5, 0.0)), point((-1.2, 3.0, 0.8)))
 VIEW = View(pose_looking_at((3.0, 2.5, 4.0), (0.0, 0.4, 0.0)), Perspective(0.9, 0.05))
 MASK, EDGES, LIT = "rate_mask/rates", "rate_edges/history_rates", "lighting_compute/color_lit"
@@ -53,25 +53,29 @@ def scene():
     return yard(*LAMPS)
 
 
-def by_pixel(mask, size=SIZE):
+def by_pixel(mask, size=SIZE, texel=TEXEL):
     """Return (H, W) the code of each pixel."""
-    return np.kron(mask, np.ones((TEXEL, TEXEL), np.int64))[: size[1], : size[0]]
+    return np.kron(mask, np.ones((texel, texel), np.int64))[: size[1], : size[0]]
 
 
 # --- what is lit ---
 
 
 @pytest.mark.feature("vrs/software")
-@pytest.mark.parametrize("coarse", ["2x2", pytest.param("4x4", marks=pytest.mark.core)])
-def test_blocks_have_the_light_of_one_pixel_and_all_others_their_own(chapter, scene, coarse):
+@pytest.mark.parametrize(
+    ("coarse", "texel"),
+    [("2x2", 16), pytest.param("4x4", 16, marks=pytest.mark.core), ("2x2", 2), ("4x4", 8)],
+)
+def test_blocks_have_the_light_of_one_pixel_and_all_others_their_own(chapter, scene, coarse, texel):
     """Bit for bit, against a frame in which each pixel is lit."""
     full = opened(chapter, scene, rate_policy="none", inspect=False)
     with full as renderer:
         whole = renderer.render(VIEW).image("color_linear")
-    found, mask, _ = frames(chapter, scene, rate_coarse=coarse, rate_threshold=2.0, rate_surface=0.5)[-1]
+    knobs = {"rate_coarse": coarse, "rate_texel": texel, "rate_threshold": 2.0, "rate_surface": 0.5}
+    found, mask, _ = frames(chapter, scene, **knobs)[-1]
     block = int(coarse[0])
     assert set(np.unique(mask)) == {0, 5 if block == 2 else 10}
-    rate = by_pixel(mask)
+    rate = by_pixel(mask, texel=texel)
     y, x = np.indices(rate.shape)
     rows, columns = (
         np.where(rate > 0, np.minimum(at // block * block + block // 2, most - 1), at)
@@ -135,16 +139,16 @@ def test_a_tile_shows_no_seam(chapter, scene):
     with opened(chapter, scene) as renderer:
         code = twin.luminance_code(renderer.render(VIEW).image("color_linear").astype(np.float64))
     whole, apart = twin.squared_gradient(code), np.zeros_like(code)
-    tile = 16
+    tile, texel = EDGE_TILE, 4
     for row, column in np.ndindex(-(-code.shape[0] // tile), -(-code.shape[1] // tile)):
         own = np.s_[row * tile : (row + 1) * tile, column * tile : (column + 1) * tile]
         apart[own] = twin.squared_gradient(code[own])
-    most, of_tiles = (twin.most_of_texels(squared, TEXEL) for squared in (whole, apart))
+    most, of_tiles = (twin.most_of_texels(squared, texel) for squared in (whole, apart))
     seams = (most > 1.5 * of_tiles) & (most > 1e-3)
     assert seams.sum() > 3, "the greatest gradient of some texels lies at a border"
     for threshold in np.sort(np.sqrt(most * of_tiles)[seams])[::2]:
         sure = abs(most - threshold) > 1e-5
-        with opened(chapter, scene, rate_threshold=float(threshold)) as renderer:
+        with opened(chapter, scene, rate_texel=texel, rate_threshold=float(threshold)) as renderer:
             edges = codes(renderer.render(VIEW), EDGES) == 0
         assert np.array_equal(edges[sure], (most > threshold)[sure])
         assert not np.array_equal(edges, of_tiles > threshold)
@@ -156,6 +160,32 @@ def test_each_texel_is_lit_in_full_within_eight_frames(chapter, scene):
     masks = [mask for _, mask, _ in frames(chapter, scene, 9, rate_threshold=32.0, rate_surface=1.0)][1:]
     turns = np.stack([mask == 0 for mask in masks])
     assert (turns.sum(axis=0) >= 1).all() and (turns.mean(axis=(1, 2)) < 0.9).all()
+
+
+@pytest.mark.feature("vrs/sobel-mask")
+@pytest.mark.parametrize("texel", [0, 16])
+def test_a_mask_is_kept_while_nothing_changes(chapter, scene, texel):
+    """It is that of the edges of a whole picture. All frames from then on are equal, and a step of the view ends it."""
+    with opened(chapter, scene, rate_texel=texel, rate_surface=1.0) as renderer:
+        side = texel or 2
+        for count in range(KEPT + 4):
+            frame = renderer.render(VIEW)
+            mask, picture = codes(frame), frame.image("color_linear")
+            assert renderer.idle(VIEW) == (count >= KEPT)
+            if count == WHOLE:
+                assert (mask == 0).all()
+                squared = twin.squared_gradient(twin.luminance_code(picture.astype(np.float64)))
+            elif count == LAST:
+                kept = mask, picture
+            elif count > LAST:
+                assert np.array_equal(mask, kept[0]) and np.array_equal(picture, kept[1])
+        most = twin.most_of_texels(squared, side)
+        assert (mask == 0)[most > 0.1 + 1e-5].all() and (mask > 0).mean() > 0.3
+        moved = View(pose_looking_at((3.0, 2.5, 4.1), (0.0, 0.4, 0.0)), VIEW.projection)
+        renderer.render(moved)
+        assert not renderer.idle(moved)
+        mask = codes(renderer.render(moved))
+        assert (mask == 0).mean() > (most > 0.1).mean()  # some texels have their turn again
 
 
 @pytest.mark.feature("vrs/rate-policies")

@@ -18,7 +18,7 @@ pytestmark = pytest.mark.variants("vulkan", "gl", long=("gl",))
 
 SIZE = (83, 53)
 VIEW = View(pose_looking_at((3.0, 2.5, 4.0), (0.0, 0.4, 0.0)), Perspective(0.9, 0.05))
-BASE = Settings(**PLAIN, graph="compute", shadows="off", rate_policy="sobel")
+BASE = Settings(**PLAIN, graph="compute", shadows="off", rate_policy="sobel", rate_texel=16)
 MASK = "rate_mask/rates"
 
 

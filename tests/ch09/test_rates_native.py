@@ -191,7 +191,7 @@ def test_without_the_capability_auto_lights_by_compute(chapter, scene):
         graph = renderer.graph
     assert {MASK, native.COMPUTED} <= {step.name for step in graph.steps}
     assert "rate" not in graph.resources[RATES].uses
-    assert graph.resources[RATES].size == (6, 4) and graph.resources[RATES].format == "r32ui"
+    assert graph.resources[RATES].size == (42, 27) and graph.resources[RATES].format == "r32ui"
     assert not scene.warnings
 
 
@@ -334,12 +334,10 @@ def pretended(request, chapter, monkeypatch):
     monkeypatch.setattr(vulkan_targets.Targets, "_rates", staticmethod(lambda *_: None))
     monkeypatch.setattr(native, "_why_not", lambda *_: "")
     monkeypatch.setattr(native, "texel_of", lambda *_: request.param)
-    for table, other in (
-        (sync.STAGES, "fragment"),
-        (vulkan_images._IMAGE_USAGE, "sampled"),
-        (sync._LAYOUTS, "read"),
-    ):
-        monkeypatch.setitem(table, "rate", table[other])
+    monkeypatch.setitem(sync.STAGES, "rate", sync.STAGES["fragment"])
+    monkeypatch.setitem(sync._LAYOUTS, "rate", sync._LAYOUTS["read"])
+    # A usage that an image in the layout of reads may have, and that no other pass asks for.
+    monkeypatch.setitem(vulkan_images._IMAGE_USAGE, "rate", vk.VK_IMAGE_USAGE_INPUT_ATTACHMENT_BIT)
     monkeypatch.setitem(sync.ACCESS, "rate_read", sync.ACCESS["sampled"])
     return request.param
 
@@ -350,6 +348,7 @@ def test_the_mask_of_the_rasteriser_is_that_of_the_kernel_in_bytes(chapter, scen
     found = {}
     for graph in ("deferred", "compute"):
         settings = replaced(BASE, graph=graph, rate_policy="radial", rate_radius=0.3, gbuffer_format="full")
+        settings = replaced(settings, rate_texel=16 if graph == "compute" else 0)
         with chapter.open(scene, SIZE, settings, outputs=("color_linear",), inspect=True) as renderer:
             frame = renderer.render(VIEW)
             found[graph] = frame.image(f"{MASK}/{RATES}")

@@ -32,6 +32,7 @@ BASE = Settings(
     rate_policy="radial",
     rate_radius=RADIUS,
     rate_fragments="passes",
+    rate_texel=TEXEL,
 )
 YARD = View(pose_looking_at((3.0, 2.5, 4.0), (0.0, 0.4, 0.0)), Perspective(0.9, 0.05))
 MASK = "rate_mask/rates"

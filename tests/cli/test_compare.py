@@ -375,7 +375,7 @@ def test_pictures_of_other_kinds_are_read_as_what_they_show(tmp_path):
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (("1", "9"), "There is no chapter 9: "),
+        (("1", "99"), "There is no chapter 99: "),
         (("1", "1-bindless"), "There is no chapter '1-bindless'"),
         (("1", "./1-bindless"), "There is no folder ./1-bindless."),
         (("1", "1/no-such-study"), "no-such-study"),

@@ -9,9 +9,10 @@ import pytest
 
 import chapters
 from backends.vulkan import api as vk
+from chapters.ch09.rates.model import EDGE_TILE
 from tests.twins import rates as twin
 from tools.site.figures.canvas import Canvas
-from tools.site.figures.ch09 import blocks, cells, codes, combiners, constants, feedback, mask
+from tools.site.figures.ch09 import blocks, cells, codes, combiners, constants, feedback, lists, mask
 
 CODES = {(1, 1): 0, (1, 2): 1, (1, 4): 2, (2, 1): 4, (2, 2): 5, (2, 4): 6, (4, 1): 8, (4, 2): 9, (4, 4): 10}
 
@@ -27,15 +28,37 @@ def test_each_rate_has_its_code_and_the_pixel_of_its_centre():
         assert codes.lit(width, height) == (int(width / 2), int(height / 2))
 
 
-def test_the_mask_of_the_figure_is_that_of_its_picture():
+def test_the_masks_of_the_figure_are_those_of_its_picture():
     squared = twin.squared_gradient(mask.picture())
     np.testing.assert_allclose(mask.squared(), squared, atol=1e-12)
-    wanted = np.where(twin.most_of_texels(squared, mask.TEXEL) > mask.THRESHOLD, 0, mask.COARSE)
-    assert np.array_equal(mask.codes(), wanted)
     column, row = mask.CHOSEN
-    assert wanted[row, column] == 0 and (wanted == mask.COARSE).sum() > 3
-    lowest = squared[2 * mask.TEXEL :]
-    assert 0 < lowest.max() < mask.THRESHOLD, "a band that is no edge"
+    words = words_of(mask.tile_of_the_mask())
+    shares = []
+    for texel in mask.TEXELS:
+        count = EDGE_TILE // texel
+        most = twin.most_of_texels(squared, texel)[
+            row * count : (row + 1) * count, column * count : (column + 1) * count
+        ]
+        wanted = np.where(most > mask.THRESHOLD, 0, mask.COARSE)
+        assert np.array_equal(mask.codes(texel), wanted)
+        shares.append((wanted == mask.COARSE).mean())
+        assert f"{texel}x{texel}: {100 * shares[-1]:.0f} % coarse" in words
+    assert 0 < shares[0] < shares[1] < 1, "the finest rate of a large texel wins more often"
+    band = mask.of_tile(squared)[23:26]
+    assert 0 < band.max() < mask.THRESHOLD and any(f"{band.max():.2f}" in word for word in words), (
+        "a band that is no edge"
+    )
+
+
+def test_the_list_has_each_pixel_once_and_rounds_are_full_but_the_last():
+    entries = lists.listed()
+    lit = np.zeros((lists.AREA, lists.AREA), int)
+    for x, y, side in entries:
+        lit[y : y + side, x : x + side] += 1
+    assert (lit == 1).all()
+    fine = len(lists.FINE)
+    assert len(entries) == len(lists.blocks()) + (lists.BLOCK**2 - 1) * fine
+    assert 0 <= lists.rounds() * lists.INVOCATIONS - len(entries) < lists.INVOCATIONS
 
 
 def test_turns_are_those_of_the_shader_and_find_each_texel():

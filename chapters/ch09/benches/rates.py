@@ -3,7 +3,8 @@
 A row is a policy with its thresholds, on one way to light: by compute, by two passes of fragments, or by the rates of
 the device. Its truth is the settled picture of the same graph at the full rate. The mask changes from frame to frame,
 since each texel has the full rate in one frame of eight: invocations and FLIP are means over the eight frames of such a
-turn, of a camera at rest. Times are those of a camera that drifts by much less than a pixel, so no pass can rest.
+turn. Times are those of a camera that drifts by much less than a pixel, so no pass can rest. Where nothing changes, the
+mask is kept: `kept` is of such frames.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from common.scene import Scene
 from common.settings import knobs, preset, replaced
 from common.view.camera import View
 
-from ..rates.model import MASK, RATES, decode
+from ..rates.model import KEPT, MASK, RATES, decode
 from ..rates.native import FEATURE
 from .pass_times import Groups, is_software, recorded_by, times_of
 
@@ -170,6 +171,10 @@ def _found(
             truth = drawn.settled_picture(renderer)[1]
         view = drawn.view(renderer)
         seen = _seen(renderer, view, truth, drawn.size)
+        seen |= {
+            f"kept_{name}": value
+            for name, value in _errors_at_rest(renderer, view, truth, drawn.size).items()
+        }
         seen |= _counted(renderer, view, drawn.size)
         if software:  # the copies of an inspected frame are in all times that are compared
             times = times_of(renderer, drifting(view, drawn.scene), GROUPS, _frames(effort, True), True)
@@ -207,7 +212,15 @@ def _wait(renderer: Any, view: View) -> None:
     while renderer.render(view).work.get("textures_waiting", 0) and waits < MOST_WAITS:
         waits += 1
     for _ in range(TURN):
+        _turning(renderer)
         len(renderer.render(view).timings)
+
+
+def _turning(renderer: Any) -> None:
+    """Let texels have their turn in the next frame, too, though nothing changes."""
+    for technique in renderer.techniques.values():
+        if technique.settles_last:
+            technique.reset("")
 
 
 def _has_mask(renderer: Any) -> bool:
@@ -217,23 +230,36 @@ def _has_mask(renderer: Any) -> bool:
 def _seen(
     renderer: Any, view: View, truth: NDArray[np.float32], size: tuple[int, int]
 ) -> dict[str, float | None]:
-    """Return invocations and errors of a view at rest, as means over a turn."""
+    """Return invocations and errors of a view, as means over a turn."""
     _wait(renderer, view)
-    shares, flips, differing = [], list[float](), []
+    frames = []
     for _ in range(TURN):
-        frame = renderer.render(view)
-        shares.append(_share(renderer, frame, size))
-        shown = frame.image("color")[..., :3].astype(np.float32) / np.float32(255)
-        differing.append(float((shown != truth).any(axis=-1).mean()))
-        try:
-            flips.append(metrics.flip_mean(shown, truth))
-        except UserError:  # the package is an extra; the others need none
-            continue
-    return {
-        "share": float(np.mean(shares)),
-        "flip": float(np.mean(flips)) if flips else None,
-        "pixels_differ": float(np.mean(differing)),
-    }
+        _turning(renderer)
+        frames.append(_errors(renderer, view, truth, size))
+    means = {name: [it for found in frames if (it := found[name]) is not None] for name in frames[0]}
+    return {name: float(np.mean(values)) if values else None for name, values in means.items()}
+
+
+def _errors_at_rest(
+    renderer: Any, view: View, truth: NDArray[np.float32], size: tuple[int, int]
+) -> dict[str, float | None]:
+    """Return invocations and errors of frames that keep their mask."""
+    for _ in range(KEPT + 1):
+        len(renderer.render(view).timings)
+    return _errors(renderer, view, truth, size)
+
+
+def _errors(
+    renderer: Any, view: View, truth: NDArray[np.float32], size: tuple[int, int]
+) -> dict[str, float | None]:
+    frame = renderer.render(view)
+    shown = frame.image("color")[..., :3].astype(np.float32) / np.float32(255)
+    try:
+        flip: float | None = metrics.flip_mean(shown, truth)
+    except UserError:  # the package is an extra; the others need none
+        flip = None
+    differ = float((shown != truth).any(axis=-1).mean())
+    return {"share": _share(renderer, frame, size), "flip": flip, "pixels_differ": differ}
 
 
 def _share(renderer: Any, frame: Any, size: tuple[int, int]) -> float:
@@ -275,9 +301,11 @@ def _counted(renderer: Any, view: View, size: tuple[int, int]) -> dict[str, floa
                 return recorded
 
             with recorded_by(renderer, [one], counted):
+                _turning(renderer)
                 frame = renderer.render(view)
                 found, mask = found + read(), _share(renderer, frame, size)
         for _ in range(TURN - 1):
+            _turning(renderer)
             len(renderer.render(view).timings)
     return {"counted": found / (size[0] * size[1]), "counted_mask": mask}
 
@@ -334,6 +362,12 @@ def sentences(record: dict[str, Any]) -> list[str]:
                 f"{scene}, {way}: with FLIP below {GOOD:g}, the fastest is {best['name']}: {best['times']:.2f} "
                 f"(±{best['times_noise']:.2f}) times "
                 f"as fast as the full rate, with a FLIP of {best['flip']:.4f}."
+            )
+    for row in rows:
+        if row["settings"] == FEW[0][1] and row["kept_flip"] is not None:
+            lines.append(
+                f"{row['scene']}, {row['way']}: while nothing changes, the mask of {row['name']} lights "
+                f"{_percent(row['kept_share'])} % of the pixels, with a FLIP of {row['kept_flip']:.4f}."
             )
     counted = [abs(row["counted"] / row["counted_mask"] - 1) for row in rows if row["counted"] is not None]
     if counted:

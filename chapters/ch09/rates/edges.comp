@@ -13,9 +13,12 @@ layout(local_size_x = EDGE_TILE / 2, local_size_y = EDGE_TILE / 2) in;
 #include "srgb.glsl"
 
 layout(BIND(0, 0, 0)) uniform sampler2D color_hdr;
-layout(BIND(0, 1, 0), r32ui) uniform writeonly uimage2D history_rates;
+layout(BIND(0, 1, 1)) uniform usampler2D rates;
+layout(BIND(0, 2, 0), r32ui) uniform writeonly uimage2D history_rates;
 
-const int BORDERED = EDGE_TILE + 2, TEXELS = EDGE_TILE / RATE_TEXEL, GROUP = EDGE_TILE * EDGE_TILE / 4;
+layout(constant_id = 0) const int STILL = 0;  // frames without a change
+
+const int BORDERED = EDGE_TILE + 2, TEXELS = EDGE_TILE / RATE_TEXEL, INVOCATIONS = EDGE_TILE * EDGE_TILE / 4;
 shared float tile[BORDERED * BORDERED];
 shared uint edges[TEXELS * TEXELS];
 
@@ -47,10 +50,17 @@ float squared_gradient(int middle) {
 void main() {
     ivec2 first = ivec2(gl_WorkGroupID.xy) * EDGE_TILE, within = 2 * ivec2(gl_LocalInvocationID.xy);
     int number = int(gl_LocalInvocationIndex);
-    for (int i = number; i < TEXELS * TEXELS; i += GROUP) {
+    if (STILL >= LAST) {  // all edges are known: the next frame finds this frame's mask in place of edges
+        for (int i = number; i < TEXELS * TEXELS; i += INVOCATIONS) {
+            ivec2 texel = ivec2(gl_WorkGroupID.xy) * TEXELS + ivec2(i % TEXELS, i / TEXELS);
+            imageStore(history_rates, texel, texelFetch(rates, texel, 0));
+        }
+        return;
+    }
+    for (int i = number; i < TEXELS * TEXELS; i += INVOCATIONS) {
         edges[i] = 0u;
     }
-    for (int i = number; i < BORDERED * BORDERED; i += GROUP) {
+    for (int i = number; i < BORDERED * BORDERED; i += INVOCATIONS) {
         tile[i] = code_at(first - 1 + ivec2(i % BORDERED, i / BORDERED));
     }
     barrier();
@@ -62,11 +72,16 @@ void main() {
         edge = edge || inside && !(squared_gradient((at.y + 1) * BORDERED + at.x + 1) <= THRESHOLD);
     }
     ivec2 texel = within / RATE_TEXEL;
+    if (RATE_TEXEL == 2) {  // a texel for each invocation
+        imageStore(history_rates, ivec2(gl_WorkGroupID.xy) * TEXELS + texel, uvec4(edge ? 0u : COARSE));
+        return;
+    }
     if (edge) {
         atomicOr(edges[texel.y * TEXELS + texel.x], 1u);
     }
     barrier();
-    for (int i = number; i < TEXELS * TEXELS; i += GROUP) {
-        imageStore(history_rates, ivec2(gl_WorkGroupID.xy) * TEXELS + ivec2(i % TEXELS, i / TEXELS), uvec4(edges[i] != 0u ? 0u : COARSE));
+    for (int i = number; i < TEXELS * TEXELS; i += INVOCATIONS) {
+        ivec2 texel = ivec2(gl_WorkGroupID.xy) * TEXELS + ivec2(i % TEXELS, i / TEXELS);
+        imageStore(history_rates, texel, uvec4(edges[i] != 0u ? 0u : COARSE));
     }
 }

@@ -21,6 +21,7 @@ layout(BIND(1, 5, 0), RATE_FORMAT) uniform writeonly uimage2D rates;
 #endif
 
 const int TEXELS = TILE / RATE_TEXEL;  // along the tile
+const bool ALONE = RATE_TEXEL == COARSE_SIDE;  // an invocation for each texel
 shared uint fine[TEXELS * TEXELS];
 
 void main() {
@@ -28,14 +29,20 @@ void main() {
     ivec2 within = ivec2(gl_LocalInvocationID.xy) * block, first = tile * RATE_TEXEL + within;
     ivec2 texel = within / RATE_TEXEL, lit = lit_pixel(first, block, size);
     int place = texel.y * TEXELS + texel.x, number = int(gl_LocalInvocationIndex);
-    if (number < TEXELS * TEXELS) {
-        fine[number] = 0u;
+    if (!ALONE) {
+        if (number < TEXELS * TEXELS) {
+            fine[number] = 0u;
+        }
+        barrier();
     }
-    barrier();
     bool needed = false;
     for (int i = 0; i < block.x * block.y; ++i) {
         ivec2 pixel = first + ivec2(i % block.x, i / block.x);
         needed = needed || all(lessThan(pixel, size)) && needs_all(tile + texel, pixel, lit);
+    }
+    if (ALONE) {
+        imageStore(rates, tile + texel, uvec4(needed ? 0u : COARSE));
+        return;
     }
     if (needed) {
         atomicOr(fine[place], 1u);

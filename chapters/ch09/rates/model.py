@@ -18,7 +18,7 @@ GROUP = 16
 EDGE_TILE = 32
 """Pixels along the tile in which gradients are found: no texel is longer."""
 
-AREA = 32
+AREA = 16
 """Pixels along the area of a work group that lights."""
 
 RATES, EDGES = "rates", "history_rates"
@@ -29,6 +29,12 @@ MASK = "rate_mask"
 
 LONGEST = 4
 """Pixels along the longest block."""
+
+WHOLE, LAST, KEPT = 9, 10, 11
+"""Frames without a change, counted, behind a whole round of turns. WHOLE is lit at each pixel, so that its edges are
+those of the whole picture. LAST has the mask of these edges, without turns. From KEPT on it is kept until something
+changes.
+"""
 
 Defines = tuple[tuple[str, int | float | str], ...]
 
@@ -78,6 +84,9 @@ def mask_defines(settings: Any, texel: int) -> Defines:
         ("RATE_TEXEL", texel),
         ("TILE", max(texel, GROUP)),
         ("EDGE_TILE", EDGE_TILE),
+        ("WHOLE", WHOLE),
+        ("LAST", LAST),
+        ("KEPT", KEPT),
         coarse_define(settings),
         ("COARSE_SIDE", decode(coarse_code(settings))[0]),
         *(

@@ -43,12 +43,17 @@ class Mask:
 def texel_of(limits: Mapping[str, int], wanted: int = 0) -> int:
     """Return the pixels along a square texel of the device's attachment, as near to TEXEL as can be; 0 if none can.
 
-    If a size is `wanted`, it is that or none. `limits` are those of `backends.vulkan.instance.shading_rates`; both ends are powers of 2. A work group of the
-    kernels has an invocation for each pixel of a texel.
+    If a size is `wanted`, it is that or none. `limits` are those of `backends.vulkan.instance.shading_rates`; both ends
+    are powers of 2. Texels are no larger than the tiles of the kernels.
     """
     least, most = limits.get("minShadingRateTexel", 0), limits.get("maxShadingRateTexel", 0)
     texel = min(max(wanted or model.TEXEL, least), most)
-    fits = (not wanted or texel == wanted) and model.LONGEST <= least <= most and texel * texel <= limits.get("maxComputeWorkGroupInvocations", 0)
+    fits = (
+        (not wanted or texel == wanted)
+        and model.LONGEST <= least <= most
+        and texel <= model.EDGE_TILE
+        and texel * texel <= limits.get("maxComputeWorkGroupInvocations", 0)
+    )
     return texel if fits else 0
 
 
@@ -116,7 +121,7 @@ def _why_not(settings: Any, plan: Plan, limits: Mapping[str, int]) -> str:
         reasons = [choice.reason for choice in plan.choices if choice.feature == FEATURE]
         return f"there is no variable rate shading ({reasons[0] if reasons else 'the plan has none'})"
     if not texel_of(limits, settings.rates.rate_texel):
-        return "the texels of the device's shading rates have another size than rate_texel, or than a work group can have"
+        return "the device has no texels of the size of rate_texel, or none that a work group can have"
     if not limits.get("shadingRates", 0) >> model.coarse_code(settings) & 1:
         return f"the device draws no fragments of {settings.rates.rate_coarse} pixels"
     return ""

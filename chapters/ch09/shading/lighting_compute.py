@@ -23,12 +23,6 @@ class ComputeLightingPass(LightingPass):
         self._rates = rates.read(parts.settings)
         self.reads = (*self.reads, *self._rates)
 
-    def declare(self) -> None:
-        """Read the mask of rates behind all else."""
-        self.reads = self.reads[: len(self.reads) - len(self._rates)]
-        super().declare()
-        self.reads = (*self.reads, *self._rates)
-
     def create(self) -> None:
         """Build the pipeline; again when a material became another kind."""
         sampled = [access for access in self.reads if access.use == "sampled"]  # they are bound first

@@ -11,6 +11,8 @@ from tools.exercises.checking import Given
 
 TEXEL, THRESHOLD = 16, 0.1
 """Those of the questions."""
+INVOCATIONS = 64
+"""Of a work group that lights."""
 
 
 def measure(given: Given) -> dict[str, Answer]:
@@ -26,8 +28,10 @@ def measure(given: Given) -> dict[str, Answer]:
         "pixels": width * height,
         "texels": -(-1920 // TEXEL) * -(-1080 // TEXEL),
         "step": 255 * float(np.sqrt(THRESHOLD)) / 4,
-        "reads": (TEXEL + 2) ** 2,
+        "reads": (model.EDGE_TILE + 2) ** 2,
         "evaluations": TEXEL**2 + 15 * TEXEL**2 // 4,
+        "small": 4 + (64 * 64 - 4) // 4,
+        "rounds": -(-(10 + (model.AREA**2 // 16 - 10) * 16) // INVOCATIONS),
         "lit": min(1916 + 4 // 2, 1918 - 1),
         "turns": int(((3 * x + 5 * y + 2) & 7 == 0).sum()),
         "diagonal": 16 * 16 + len({*diagonal.tolist()}),

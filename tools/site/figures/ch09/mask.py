@@ -1,34 +1,38 @@
-"""From pixels to a texel of the mask: codes of luminance, squared gradients, and one rate."""
+"""From pixels to masks: codes of luminance in a tile, squared gradients, and one rate for each texel of two sizes."""
 
 from __future__ import annotations
 
 from functools import cache
+from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
 
-from chapters.ch09.rates.model import TEXEL, encode
+from chapters.ch09.rates.model import EDGE_TILE, TEXEL, encode
 from tools.site.figures.canvas import Canvas, Point
 
 Float64 = NDArray[np.float64]
 
-SIZE = (4 * TEXEL, 3 * TEXEL)
+SIZE = (3 * EDGE_TILE, 3 * EDGE_TILE)
 """Pixels of the picture."""
+CHOSEN = (1, 1)
+"""The tile of the drawing."""
 DARK, BRIGHT = 0.3, 0.8
 FAINT = 0.35
 """A band that is so little brighter than the dark part that it is no edge."""
 THRESHOLD = 0.1
-CHOSEN = (1, 1)
-"""The texel of the drawing."""
 COARSE = encode(2, 2)
+TEXELS = (TEXEL, 2)
+"""Pixels along the texels of both masks."""
+FILLS = {DARK: "a", FAINT: "e", BRIGHT: "b"}
 
 
 @cache
 def picture() -> Float64:
     """Return (H, W) codes of luminance: a bright slope over a dark ground, and a faint band."""
     y, x = np.indices((SIZE[1], SIZE[0]), dtype=np.float64)
-    codes = np.where(y > 38, FAINT, DARK)
-    return np.where((y > 1.1 * x - 4) & (x > 10) & (y < 30), BRIGHT, codes)
+    x, y = x - CHOSEN[0] * EDGE_TILE, y - CHOSEN[1] * EDGE_TILE
+    return np.where(y + 0.9 * x < 20, BRIGHT, np.where(y > 24, FAINT, DARK))
 
 
 @cache
@@ -43,63 +47,83 @@ def squared() -> Float64:
     across = at(-1, -1) - at(1, -1) + 2 * (at(-1, 0) - at(1, 0)) + at(-1, 1) - at(1, 1)
     down = at(-1, -1) - at(-1, 1) + 2 * (at(0, -1) - at(0, 1)) + at(1, -1) - at(1, 1)
     steps = 16 * np.maximum((at(1, 0) - at(0, 0)) ** 2, (at(0, 1) - at(0, 0)) ** 2)
-    found: Float64 = np.maximum(across**2 + down**2, steps)
-    return found
+    return np.maximum(across**2 + down**2, steps)
 
 
-def codes() -> NDArray[np.int64]:
-    """Return (rows, columns) the code of each texel: fine if one of its pixels is an edge."""
-    rows, columns = SIZE[1] // TEXEL, SIZE[0] // TEXEL
-    edges = (squared() > THRESHOLD).reshape(rows, TEXEL, columns, TEXEL).any(axis=(1, 3))
+def of_tile(values: Float64, border: int = 0) -> Float64:
+    """Return the part of (H, W) values that is the tile's, with so many pixels around it."""
+    x, y = (EDGE_TILE * at for at in CHOSEN)
+    part: Float64 = values[y - border : y + EDGE_TILE + border, x - border : x + EDGE_TILE + border]
+    return part
+
+
+def codes(texel: int) -> NDArray[np.int64]:
+    """Return (rows, columns) the code of each texel of the tile: fine if one of its pixels is an edge."""
+    count = EDGE_TILE // texel
+    edges = (of_tile(squared()) > THRESHOLD).reshape(count, texel, count, texel).any(axis=(1, 3))
     return np.where(edges, 0, COARSE)
 
 
-def texel_of_the_mask() -> Canvas:
-    """The pixels that a work group reads, its gradients, and the mask of the picture."""
+def tile_of_the_mask() -> Canvas:
+    """The pixels that a work group reads, its gradients, and the mask of its tile with texels of two sizes."""
     c = Canvas(
         760,
-        336,
-        "A texel of the mask: 16x16 pixels and the border of one pixel, the gradient of each pixel, and one code for "
-        "all",
+        330,
+        "A tile of a work group: 34x34 codes of luminance, 32x32 gradients, and the mask with texels of 16 and of 2 "
+        "pixels",
     )
-    pixel, top = 12.0, 48.0
-    first = CHOSEN[0] * TEXEL, CHOSEN[1] * TEXEL
-    c.text(16, 26, "18x18 codes in shared memory", 13, bold=True)
-    for row in range(-1, TEXEL + 1):
-        for column in range(-1, TEXEL + 1):
-            value = picture()[first[1] + row, first[0] + column]
-            own = 0 <= row < TEXEL and 0 <= column < TEXEL
-            place = 16 + pixel * (column + 1), top + pixel * (row + 1), pixel, pixel
-            c.rectangle(place, "b" if value == BRIGHT else "a", "ink" if own else "paper", False, 0)
-    c.note(16, 286, "without outlines: the border,")
-    c.note(16, 303, "which belongs to other texels")
-    left = 270.0
-    c.text(left, 26, "16x16 squared gradients", 13, bold=True)
-    for row in range(TEXEL):
-        for column in range(TEXEL):
-            edge = squared()[first[1] + row, first[0] + column] > THRESHOLD
-            place = left + pixel * column, top + pixel * (row + 1), pixel, pixel
-            c.rectangle(place, "mark" if edge else "paper", "line", False, 0)
-    c.note(left, 286, f"red: above {THRESHOLD:g}. One is")
-    c.note(left, 303, "enough for code 0")
-    _mask(c, (504.0, top + pixel))
-    c.arrow(238, top + 9 * pixel, left - 8, top + 9 * pixel)
-    c.arrow(left + 16 * pixel + 6, top + 9 * pixel, 496, top + 9 * pixel)
+    pixel, top = 6.0, 48.0
+    side = EDGE_TILE * pixel
+    c.text(16, 26, "34x34 codes in shared memory", 13, bold=True)
+    _cells(c, (16, top), pixel, [[FILLS[value] for value in row] for row in of_tile(picture(), 1).tolist()])
+    _frame(c, (16 + pixel, top + pixel), side)
+    c.note(16, top + 34 * pixel + 22, "around the frame: the border,")
+    c.note(16, top + 34 * pixel + 39, "which belongs to other tiles")
+    left = 264.0
+    c.text(left, 26, "32x32 squared gradients", 13, bold=True)
+    edges = of_tile(squared()) > THRESHOLD
+    _cells(c, (left, top + pixel), pixel, [["mark" if edge else "paper" for edge in row] for row in edges])
+    _frame(c, (left, top + pixel), side)
+    c.note(left, top + 34 * pixel + 22, f"red: above {THRESHOLD:g}. The faint band")
+    c.note(left, top + 34 * pixel + 39, "below has gradients of 0.04")
+    c.arrow(224, top + 17 * pixel, left - 6, top + 17 * pixel)
+    for number, texel in enumerate(TEXELS):
+        _mask(c, (504.0 + 130 * number, top + pixel), texel)
+    c.arrow(left + side + 6, top + 17 * pixel, 496, top + 17 * pixel)
+    c.text(504, 26, "the mask, by pixels of a texel", 13, bold=True)
+    c.rectangle((504, 226, 14, 14), "d", "line", False, 0)
+    c.note(526, 238, f"{COARSE}: blocks of 2x2")
+    c.rectangle((504, 248, 14, 14), "paper", "line", False, 0)
+    c.note(526, 260, "0: each pixel is lit")
     return c
 
 
-def _mask(c: Canvas, at: Point) -> None:
-    """Draw the codes of all texels."""
+def _cells(c: Canvas, at: Point, side: float, fills: list[list[str]]) -> None:
+    """Draw rows of squares. Squares of one colour that follow each other are one shape."""
+    for row, names in enumerate(fills):
+        column = 0
+        for fill, run in groupby(names):
+            count = len([*run])
+            c.rectangle((at[0] + side * column, at[1] + side * row, side * count, side), fill, fill, False, 0)
+            column += count
+    wide, high = side * len(fills[0]), side * len(fills)
+    for number in range(len(fills) + 1):
+        c.line([(at[0], at[1] + side * number), (at[0] + wide, at[1] + side * number)], "line", 0.3)
+        c.line([(at[0] + side * number, at[1]), (at[0] + side * number, at[1] + high)], "line", 0.3)
+
+
+def _frame(c: Canvas, at: Point, side: float) -> None:
+    """Draw the outline of a square."""
     x, y = at
-    side = 52.0
-    c.text(x, 26, "a code for each texel", 13, bold=True)
-    for row, values in enumerate(codes().tolist()):
-        for column, code in enumerate(values):
-            chosen = (column, row) == CHOSEN
-            place = x + side * column, y + side * row, side, side
-            c.box(
-                *place, str(code), "d" if code else "paper", 14, round=0, stroke="mark" if chosen else "line"
-            )
-    c.note(x, y + 3 * side + 22, "0: each pixel, 5: blocks of 2x2")
-    c.note(x, y + 3 * side + 42, "The lowest row has a faint band,")
-    c.note(x, y + 3 * side + 59, "with gradients below 0.1")
+    c.line([(x, y), (x + side, y), (x + side, y + side), (x, y + side), (x, y)], "ink", 2)
+
+
+def _mask(c: Canvas, at: Point, texel: int) -> None:
+    """Draw the codes of the texels of the tile, and how many are coarse."""
+    x, y = at
+    side = 112.0
+    found = codes(texel)
+    fills = [["d" if code else "paper" for code in row] for row in found.tolist()]
+    _cells(c, at, side / len(fills), fills)
+    _frame(c, at, side)
+    c.note(x, y + side + 18, f"{texel}x{texel}: {100 * (found > 0).mean():.0f} % coarse")
