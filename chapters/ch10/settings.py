@@ -139,7 +139,7 @@ class Settings(Grouped):
         "shadow_kernel shadow_loop shadow_filter shadow_lamp shadow_sun_angle shadow_bias shadow_constant shadow_slope "
         "page_budget shadow_near shadow_pool shadow_sides "
         "shadow_cull_instances shadow_cull_meshlets shadow_cull_cones shadow_cull_faces "
-        "rate_policy rate_coarse rate_threshold rate_surface rate_fragments rate_radius rate_tint "
+        "rate_policy rate_coarse rate_texel rate_threshold rate_surface rate_fragments rate_radius rate_tint "
         "fog fog_density fog_height fog_falloff fog_albedo fog_anisotropy "
         "fog_noise fog_noise_size fog_noise_period fog_wind "
         "fog_near fog_far fog_columns fog_rows fog_slices fog_format "

@@ -27,7 +27,10 @@ from .model import BINS, GROUP, ListLayout
 LISTS = "light_lists"
 """The resource in the graph: the buffer of the lists."""
 
-LIT = ("forward", "forward_late", "lighting", "lighting_compute", "transparent", "transparent_fill")
+LIT = (
+    *("forward", "forward_late", "transparent", "transparent_fill"),
+    *("lighting", "lighting_compute", "lighting_blocks", "lighting_pixels"),
+)
 """The passes that loop over lights."""
 
 _READ = Touch("", frozenset({"fragment", "compute"}), frozenset({"storage_read"}))

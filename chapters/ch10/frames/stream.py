@@ -6,6 +6,7 @@ Renderers derive from it and add the frame itself: the order of the passes, and 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable
+from functools import partial
 from pathlib import Path
 from typing import Any, Self
 
@@ -180,11 +181,13 @@ class FrameStream:
         written = constants.nbytes + data.records.write(data.slots[slot.index], pose)
         written += self._api.deform(slot, pose)
         written += self._draws.prepare(slot.index, view)
+        state = self._state(view, time)
         if self.techniques:
-            info = FrameInfo(slot.index, view, time, self.size, posed, self.passes)
+            still = partial(self._unchanged, state, time)
+            info = FrameInfo(slot.index, view, time, self.size, posed, self.passes, still)
             written += sum(technique.prepare(info) for technique in self.techniques.values())
         data.update_textures(slot.index, view)
-        self._last = self._state(view, time)
+        self._last = state
         return written
 
     def _pose(self, time: float) -> Pose:
@@ -235,10 +238,14 @@ class FrameStream:
 
     def idle(self, view: View, time: float = 0.0) -> bool:
         """Whether a frame now would equal the last one: same view, same scene, and nothing moves by itself."""
-        resting = not self._loading.busy and all(
-            subject.resting(time) for subject in self.techniques.values()
-        )
-        return bool(self._last == self._state(view, time)) and resting
+        rest = all(subject.resting(time) for subject in self.techniques.values() if subject.settles_last)
+        return rest and self._unchanged(self._state(view, time), time)
+
+    def _unchanged(self, state: tuple[Any, float, Any], time: float) -> bool:
+        """Whether a frame shows what the last one did, apart from subjects that settle when all others have."""
+        if self._last != state or self._loading.busy:
+            return False
+        return all(subject.resting(time) for subject in self.techniques.values() if not subject.settles_last)
 
     def wait_loaded(self) -> None:
         """Wait until every texture is loaded or has failed: the next frame is the final picture."""

@@ -50,7 +50,10 @@ class MaskedPass(FullscreenPass):
         """Return the pipeline of the triangle."""
         return PipelineDescription(
             shaders=("post/fullscreen.vert", self.shader),
-            defines=(("RATE_TEXEL", model.TEXEL), ("COARSE", f"{model.coarse_code(self._settings)}u")),
+            defines=(
+                ("RATE_TEXEL", model.texel_of(self._settings)),
+                ("COARSE", f"{model.coarse_code(self._settings)}u"),
+            ),
             color=self.color,
             depth="write",
             name=self.name,

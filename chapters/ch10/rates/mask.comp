@@ -1,6 +1,7 @@
-// The mask of shading rates: a work group for each texel, which has the finest rate that one of its pixels needs.
+// The mask of shading rates: each texel has the finest rate that one of its pixels needs. A work group has a tile of whole
+// texels, and an invocation for each block of the coarse rate.
 
-layout(local_size_x = RATE_TEXEL, local_size_y = RATE_TEXEL) in;
+layout(local_size_x = TILE / COARSE_SIDE, local_size_y = TILE / COARSE_SIDE) in;
 
 #include "scene/scene.glsl"
 #include "rates/codes.glsl"
@@ -19,20 +20,36 @@ layout(BIND(1, 5, 0), RATE_FORMAT) uniform writeonly uimage2D rates;
 #include "rates/sobel.glsl"
 #endif
 
-shared uint fine;
+const int TEXELS = TILE / RATE_TEXEL;  // along the tile
+const bool ALONE = RATE_TEXEL == COARSE_SIDE;  // an invocation for each texel
+shared uint fine[TEXELS * TEXELS];
 
 void main() {
-    ivec2 texel = ivec2(gl_WorkGroupID.xy), pixel = ivec2(gl_GlobalInvocationID.xy), size = ivec2(frame.size.xy);
-    if (gl_LocalInvocationIndex == 0u) {
-        fine = 0u;
+    ivec2 block = block_of(COARSE), size = ivec2(frame.size.xy), tile = ivec2(gl_WorkGroupID.xy) * TEXELS;
+    ivec2 within = ivec2(gl_LocalInvocationID.xy) * block, first = tile * RATE_TEXEL + within;
+    ivec2 texel = within / RATE_TEXEL, lit = lit_pixel(first, block, size);
+    int place = texel.y * TEXELS + texel.x, number = int(gl_LocalInvocationIndex);
+    if (!ALONE) {
+        if (number < TEXELS * TEXELS) {
+            fine[number] = 0u;
+        }
+        barrier();
+    }
+    bool needed = false;
+    for (int i = 0; i < block.x * block.y; ++i) {
+        ivec2 pixel = first + ivec2(i % block.x, i / block.x);
+        needed = needed || all(lessThan(pixel, size)) && needs_all(tile + texel, pixel, lit);
+    }
+    if (ALONE) {
+        imageStore(rates, tile + texel, uvec4(needed ? 0u : COARSE));
+        return;
+    }
+    if (needed) {
+        atomicOr(fine[place], 1u);
     }
     barrier();
-    ivec2 block = block_of(COARSE);
-    if (all(lessThan(pixel, size)) && needs_all(texel, pixel, lit_pixel(pixel / block * block, block, size))) {
-        atomicOr(fine, 1u);
-    }
-    barrier();
-    if (gl_LocalInvocationIndex == 0u) {
-        imageStore(rates, texel, uvec4(fine != 0u ? 0u : COARSE));
+    if (number < TEXELS * TEXELS) {
+        ivec2 at = tile + ivec2(number % TEXELS, number / TEXELS);
+        imageStore(rates, at, uvec4(fine[number] != 0u ? 0u : COARSE));
     }
 }

@@ -10,7 +10,16 @@ from __future__ import annotations
 from typing import Any
 
 TEXEL = 16
-"""Pixels along a texel of the mask, which has one rate."""
+"""Pixels along a texel of a rasteriser's mask, which has one rate; a device may ask for another size."""
+
+GROUP = 16
+"""Pixels along the tile of a work group, at least; a mask's group has an invocation for each block of its tile."""
+
+EDGE_TILE = 32
+"""Pixels along the tile in which gradients are found: no texel is longer."""
+
+AREA = 16
+"""Pixels along the area of a work group that lights."""
 
 RATES, EDGES = "rates", "history_rates"
 """The mask of this frame, and what the last picture asks of it."""
@@ -20,6 +29,12 @@ MASK = "rate_mask"
 
 LONGEST = 4
 """Pixels along the longest block."""
+
+WHOLE, LAST, KEPT = 9, 10, 11
+"""Frames without a change, counted, behind a whole round of turns. WHOLE is lit at each pixel, so that its edges are
+those of the whole picture. LAST has the mask of these edges, without turns. From KEPT on it is kept until something
+changes.
+"""
 
 Defines = tuple[tuple[str, int | float | str], ...]
 
@@ -46,18 +61,34 @@ def coarse_code(settings: Any) -> int:
     return encode(width, height)
 
 
+def coarse_define(settings: Any) -> tuple[str, str]:
+    """Return the name and the value of the code of the blocks that share their light, for shaders."""
+    return "COARSE", f"{coarse_code(settings)}u"
+
+
 def wanted(settings: Any) -> bool:
     """Whether the settings ask for a mask, and the picture is one that a G-buffer can hold."""
     shading = settings.shading
     return bool(settings.rates.rate_policy != "none" and shading.view == "picture" and shading.msaa == 1)
 
 
-def mask_defines(settings: Any, texel: int = TEXEL) -> Defines:
+def texel_of(settings: Any) -> int:
+    """Return the pixels along a texel where shaders read the mask: a block, unless the settings ask for more."""
+    return max(settings.rates.rate_texel, *decode(coarse_code(settings)))
+
+
+def mask_defines(settings: Any, texel: int) -> Defines:
     """Return what the kernels of the mask are built with."""
     rates = settings.rates
     return (
         ("RATE_TEXEL", texel),
-        ("COARSE", f"{coarse_code(settings)}u"),
+        ("TILE", max(texel, GROUP)),
+        ("EDGE_TILE", EDGE_TILE),
+        ("WHOLE", WHOLE),
+        ("LAST", LAST),
+        ("KEPT", KEPT),
+        coarse_define(settings),
+        ("COARSE_SIDE", decode(coarse_code(settings))[0]),
         *(
             (("RADIUS", rates.rate_radius),)
             if rates.rate_policy == "radial"

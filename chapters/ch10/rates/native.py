@@ -40,15 +40,20 @@ class Mask:
         return self.texel, self.texel
 
 
-def texel_of(limits: Mapping[str, int]) -> int:
+def texel_of(limits: Mapping[str, int], wanted: int = 0) -> int:
     """Return the pixels along a square texel of the device's attachment, as near to TEXEL as can be; 0 if none can.
 
-    `limits` are those of `backends.vulkan.instance.shading_rates`; both ends are powers of 2. A work group of the
-    kernels has an invocation for each pixel of a texel.
+    If a size is `wanted`, it is that or none. `limits` are those of `backends.vulkan.instance.shading_rates`; both ends
+    are powers of 2. Texels are no larger than the tiles of the kernels.
     """
     least, most = limits.get("minShadingRateTexel", 0), limits.get("maxShadingRateTexel", 0)
-    texel = min(max(model.TEXEL, least), most)
-    fits = model.LONGEST <= least <= most and texel * texel <= limits.get("maxComputeWorkGroupInvocations", 0)
+    texel = min(max(wanted or model.TEXEL, least), most)
+    fits = (
+        (not wanted or texel == wanted)
+        and model.LONGEST <= least <= most
+        and texel <= model.EDGE_TILE
+        and texel * texel <= limits.get("maxComputeWorkGroupInvocations", 0)
+    )
     return texel if fits else 0
 
 
@@ -56,7 +61,9 @@ def mask_of(settings: Any, limits: Mapping[str, int]) -> Mask:
     """Return the mask of frames, if they have one; `settings` are `settled`."""
     by_device = model.wanted(settings) and settings.rates.rate_fragments == "device"
     drawn = by_device and COMPUTED not in _passes(settings)
-    return Mask("r8ui" if drawn else "r32ui", texel_of(limits) if drawn else model.TEXEL, drawn)
+    if not drawn:
+        return Mask("r32ui", model.texel_of(settings), drawn)
+    return Mask("r8ui", texel_of(limits, settings.rates.rate_texel), drawn)
 
 
 def attached(settings: Any, limits: Mapping[str, int]) -> tuple[Access, ...]:
@@ -113,8 +120,8 @@ def _why_not(settings: Any, plan: Plan, limits: Mapping[str, int]) -> str:
     if not plan.native(FEATURE):
         reasons = [choice.reason for choice in plan.choices if choice.feature == FEATURE]
         return f"there is no variable rate shading ({reasons[0] if reasons else 'the plan has none'})"
-    if not texel_of(limits):
-        return "the texels of the device's shading rates have another size than a work group can have"
+    if not texel_of(limits, settings.rates.rate_texel):
+        return "the device has no texels of the size of rate_texel, or none that a work group can have"
     if not limits.get("shadingRates", 0) >> model.coarse_code(settings) & 1:
         return f"the device draws no fragments of {settings.rates.rate_coarse} pixels"
     return ""

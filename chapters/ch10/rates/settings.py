@@ -22,6 +22,12 @@ class RateSettings:
         "pixels of a block that shares its light, across and down",
         choices=("2x2", "4x4"),
     )
+    rate_texel: int = knob(
+        0,
+        "pixels along a square of the mask, which has one rate; 0 is what the device's own shading rates ask for, and "
+        "one block elsewhere",
+        choices=(0, 2, 4, 8, 16, 32),
+    )
     rate_threshold: float = knob(
         0.1,
         "with rate_policy=sobel: squared gradient of the picture's luminance code from which on each pixel is lit",
@@ -30,8 +36,8 @@ class RateSettings:
     )
     rate_surface: float = knob(
         0.1,
-        "with rate_policy=sobel: difference from the surface that is lit, at which each pixel is lit: of base colour and "
-        "roughness; half of it for the cosine between normals, a fifth for depth",
+        "with rate_policy=sobel: difference from the surface that is lit, at which each pixel is lit: of base colour "
+        "and roughness; half of it for the cosine between normals, a fifth for depth",
         minimum=0,
         maximum=1,
     )

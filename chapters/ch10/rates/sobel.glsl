@@ -1,5 +1,9 @@
 // Each pixel is lit where the last picture had an edge, where the surfaces of this frame differ within a block, and in each
 // eighth frame: a block shows no gradient of its own, so a mask from lit pictures alone would keep it for ever.
+//
+// If nothing changes, one frame is lit at each pixel, and the mask of its edges is kept (model.py).
+
+layout(constant_id = 0) const int STILL = 0;  // frames without a change
 
 // Whether a pixel shows another surface than the pixel that is lit for it.
 bool differs(ivec2 pixel, ivec2 lit) {
@@ -23,6 +27,9 @@ bool has_its_turn(ivec2 texel) {
 }
 
 bool needs_all(ivec2 texel, ivec2 pixel, ivec2 lit) {
-    bool known = (frame.valid_histories & HISTORY_RATES) != 0u;
-    return !known || has_its_turn(texel) || texelFetch(rates_before, texel, 0).r == 0u || differs(pixel, lit);
+    bool known = (frame.valid_histories & HISTORY_RATES) != 0u, before = texelFetch(rates_before, texel, 0).r == 0u;
+    if (!known || STILL == WHOLE || STILL == KEPT) {
+        return !known || STILL == WHOLE || before;
+    }
+    return before || (STILL < WHOLE && has_its_turn(texel)) || differs(pixel, lit);
 }

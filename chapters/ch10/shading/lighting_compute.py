@@ -7,7 +7,7 @@ from backends.contract import Access
 from ..frames.commands import Commands
 from ..pipelines.compute_description import ComputeDescription
 from ..rates import passes as rates
-from ..rates.model import TEXEL
+from ..rates.model import AREA, coarse_define, texel_of
 from ..scene.pass_parts import PassParts
 from .lighting import LightingPass
 
@@ -23,26 +23,21 @@ class ComputeLightingPass(LightingPass):
         self._rates = rates.read(parts.settings)
         self.reads = (*self.reads, *self._rates)
 
-    def declare(self) -> None:
-        """Read the mask of rates behind all else."""
-        self.reads = self.reads[: len(self.reads) - len(self._rates)]
-        super().declare()
-        self.reads = (*self.reads, *self._rates)
-
     def create(self) -> None:
         """Build the pipeline; again when a material became another kind."""
         sampled = [access for access in self.reads if access.use == "sampled"]  # they are bound first
         bound = ("LIT_BINDING", len(sampled))
-        by_rate = (("RATE_BINDING", len(sampled) - 1), ("RATE_TEXEL", TEXEL)) if self._rates else ()
+        texel = ("RATE_TEXEL", texel_of(self._settings)), ("RATE_AREA", AREA), coarse_define(self._settings)
+        by_rate = (("RATE_BINDING", len(sampled) - 1), *texel) if self._rates else ()
         defines = (*self.describe().defines, ("FORMAT", self._settings.shading.color_format), bound, *by_rate)
         described = ComputeDescription("shading/lighting.comp", defines, name=self.name)
         self.pipelines = self._pipelines.get([described])
 
     def record(self, commands: Commands) -> None:
-        """Record a dispatch over all pixels; with rates a work group for each texel of the mask."""
+        """Record a dispatch over all pixels; with rates a work group for each area of the picture."""
         (pipeline,) = self.pipelines
         commands.bind_compute(pipeline, self._draws.binding)
         if self._rates:
-            commands.dispatch(*(-(-side // TEXEL) for side in commands.extent))
+            commands.dispatch(*(-(-side // AREA) for side in commands.extent))
         else:
             commands.dispatch_over(pipeline, commands.extent)

@@ -1,6 +1,6 @@
 // The tests of casters against lights: is a box within the reach of a light, and which of its faces can it be drawn to?
 //
-// Every test that cannot tell says that it is. shadow_places has a bit for each of them: 1 spheres of instances, 2 spheres of
+// Every test that cannot tell says that it is. The tests of a frame are bits of a word: 1 spheres of instances, 2 spheres of
 // meshlets, 4 cones of meshlets, 8 faces. Without a test more is drawn, and the maps are the same.
 
 #include "masks.glsl"
@@ -13,7 +13,7 @@
 
 layout(local_size_x = 256) in;
 
-#ifdef TESTS_NOTHING  // a kernel that counts what others have left
+#ifdef TESTS_NOTHING  // in a kernel that counts what the others have left
 bool tests(uint kind) { return false; }
 #else
 bool tests(uint kind) { return (uint(shadow_places[1].z) & kind) != 0u; }

@@ -34,7 +34,10 @@ from .model import needed
 PAGES = "shadow_pages"
 """The resource in the graph."""
 
-LIT = ("forward", "forward_late", "lighting", "lighting_compute", "transparent", "transparent_fill")
+LIT = (
+    *("forward", "forward_late", "transparent", "transparent_fill"),
+    *("lighting", "lighting_compute", "lighting_blocks", "lighting_pixels"),
+)
 """The passes that read shadows."""
 
 _READ = Touch("", frozenset({"fragment", "compute"}), frozenset({"storage_read"}))

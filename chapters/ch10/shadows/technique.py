@@ -131,7 +131,7 @@ class ShadowTechnique(Technique):
         self._block[layout.filter : layout.records] = np.concatenate(
             [part.view(np.uint8) for part in constants]
         )
-        self._copies = Copies(held)
+        self._copies, self._copied = Copies(held), layout.copies
         self._marks = settings.shading.view == "redrawn-pages"
         self._keeps_rounds = backend.name == "vulkan" and settings.graph.resubmit
         if model.by_need(settings):
