@@ -6,7 +6,7 @@ technique from `Technique`. `Capabilities` lists the features of a device; `reso
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
@@ -372,8 +372,13 @@ class FrameInfo:
     passes: Collection[Pass]
     """The passes of this frame."""
 
-    is_still: Callable[[], bool] = bool
-    """Whether the frame shows what the last one showed, and each technique rests that does not `settle_last`."""
+    still: bool = False
+    """Whether the frame shows what the last one showed, and all subjects rest that do not settle last. False without
+    a subject that settles last.
+    """
+
+    settling: bool = False
+    """Whether a subject that settles last does not rest: the frame may be drawn for it alone."""
 
 
 class Technique:
@@ -398,7 +403,7 @@ class Technique:
     """Counters of the last frame."""
 
     settles_last = False
-    """Whether the subject begins to rest when all others do: it calls `FrameInfo.is_still`."""
+    """Whether the subject begins to rest when all others do: it reads `FrameInfo.still`."""
 
     def __init__(self, scene: Scene, settings: Any) -> None:
         self.scene = scene

@@ -111,6 +111,7 @@ LESSON = Lesson(
         "frames/backend/vulkan.py": "hands over the scene's constants",
         "frames/stream.py": "tells whether anything changes",
         "clusters/passes.py": "knows passes that light blocks",
+        "hdr/technique.py": "knows frames for another subject",
         "shadows/passes.py": "knows passes that light blocks",
         "graph/checks.py": "accepts masks of rates",
         "graph/compute.json": "names the passes of the mask",

@@ -188,6 +188,24 @@ def test_a_mask_is_kept_while_nothing_changes(chapter, scene, texel):
         assert (mask == 0).mean() > (most > 0.1).mean()  # some texels have their turn again
 
 
+@pytest.mark.feature("vrs/sobel-mask")
+@pytest.mark.parametrize(("dark_s", "frames"), [(0.0, 40), (0.3, 400)])
+def test_a_mask_is_kept_once_an_exposure_has_adapted(chapter, dark_s, frames):
+    """Both come to rest, and the mask is kept only when the picture stays as it is."""
+    scene, step = yard(*LAMPS), 1 / 30
+    knobs = {"exposure": "histogram", "adapt_dark_s": dark_s, "adapt_bright_s": dark_s}
+    with opened(chapter, scene, size=(48, 32), inspect=False, **knobs) as renderer:
+        technique, kept = renderer.techniques["rates"], []
+        for number in range(frames):
+            renderer.render(VIEW, number * step)
+            kept.append(technique.resting(0.0))
+            if renderer.idle(VIEW, (number + 1) * step):
+                break
+        assert renderer.idle(VIEW, frames * step), "the picture rests"
+        adapted = next(number for number in range(frames) if number * step >= dark_s)
+        assert kept[-1] and not any(kept[:adapted]), "a mask is not kept while the exposure changes"
+
+
 @pytest.mark.feature("vrs/rate-policies")
 @pytest.mark.parametrize("radius", [0.0, pytest.param(0.3, marks=pytest.mark.core), 4.0])
 def test_a_radial_mask_lights_each_pixel_near_the_middle(chapter, scene, radius):

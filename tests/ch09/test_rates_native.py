@@ -105,7 +105,10 @@ def test_auto_is_the_device_where_it_can_and_compute_elsewhere():
         (Plan(()), LIMITS, {}, False),
     ):
         auto = replaced(SOBEL, **knobs)
-        assert native.without_effect(auto, plan, limits) == ""
+        asked_in_vain = knobs.get("rate_fragments") == "device" and not native_light
+        sentence = native.without_effect(auto, plan, limits)
+        assert sentence.startswith("rate_fragments=device has no effect, since") == asked_in_vain
+        assert bool(sentence) == asked_in_vain
         settings = native.settled(auto, plan, limits)
         assert (graph_name(settings), settings.rates.rate_policy) == (
             "deferred" if native_light else "compute",

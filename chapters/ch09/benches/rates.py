@@ -358,10 +358,11 @@ def sentences(record: dict[str, Any]) -> list[str]:
         good = [row for row in alike if row["flip"] is not None and row["flip"] < GOOD]
         if good:
             best = max(good, key=lambda row: float(row["times"] - row["times_noise"]))
+            slower = " No row of them saves time here." * (best["times"] < 1.0)
             lines.append(
                 f"{scene}, {way}: with FLIP below {GOOD:g}, the fastest is {best['name']}: {best['times']:.2f} "
                 f"(±{best['times_noise']:.2f}) times "
-                f"as fast as the full rate, with a FLIP of {best['flip']:.4f}."
+                f"as fast as the full rate, with a FLIP of {best['flip']:.4f}.{slower}"
             )
     for row in rows:
         if row["settings"] == FEW[0][1] and row["kept_flip"] is not None:
@@ -371,9 +372,8 @@ def sentences(record: dict[str, Any]) -> list[str]:
             )
     counted = [abs(row["counted"] / row["counted_mask"] - 1) for row in rows if row["counted"] is not None]
     if counted:
-        lines.append(
-            f"The device counts the fragments that the masks ask for, or up to {_percent(max(counted))} % beside that."
-        )
+        beside = f", or up to {_percent(max(counted))} % beside that" * (max(counted) >= 5e-4)
+        lines.append(f"The device counts the fragments that the masks ask for{beside}.")
     if record["left_out"]:
         lines.append(f"This device does not have {', '.join(record['left_out'])}.")
     elif "device" not in {row["way"] for row in rows}:
