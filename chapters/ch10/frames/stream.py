@@ -6,7 +6,6 @@ Renderers derive from it and add the frame itself: the order of the passes, and 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable
-from functools import partial
 from pathlib import Path
 from typing import Any, Self
 
@@ -183,8 +182,10 @@ class FrameStream:
         written += self._draws.prepare(slot.index, view)
         state = self._state(view, time)
         if self.techniques:
-            still = partial(self._unchanged, state, time)
-            info = FrameInfo(slot.index, view, time, self.size, posed, self.passes, still)
+            last = [technique for technique in self.techniques.values() if technique.settles_last]
+            still = bool(last) and self._unchanged(state, time)  # before any subject prepares its frame
+            settling = bool(last) and not all(technique.resting(time) for technique in last)
+            info = FrameInfo(slot.index, view, time, self.size, posed, self.passes, still, settling)
             written += sum(technique.prepare(info) for technique in self.techniques.values())
         data.update_textures(slot.index, view)
         self._last = state

@@ -74,8 +74,9 @@ class HdrTechnique(Technique):
         self._before, self._size = of_view, frame.size
         if adapts:
             shown = frame.view, dict(self.scene.revision), frame.time if self.scene.animations else 0.0
-            # A frame that is drawn at rest is drawn because something else has changed, such as a shader.
-            changed = first or shown != self._shown or self.resting(frame.time)
+            # A frame that is drawn at rest is drawn because something else has changed, such as a shader; or for a
+            # subject that settles last.
+            changed = first or shown != self._shown or (self.resting(frame.time) and not frame.settling)
             self._frames_since = 0 if changed else self._frames_since + 1
             if changed:
                 self._shown, self._changed_at = shown, frame.time

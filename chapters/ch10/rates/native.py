@@ -90,7 +90,16 @@ def settled(settings: S, plan: Plan, limits: Mapping[str, int]) -> S:
 def without_effect(settings: Any, plan: Plan, limits: Mapping[str, int]) -> str:
     """Return the sentence about a policy that has no effect, with the reason; "" if it has one, or there is none."""
     why = _without(settings, plan, limits)
-    return f"rate_policy={settings.rates.rate_policy} has no effect with {why}." if why else ""
+    if why:
+        return f"rate_policy={settings.rates.rate_policy} has no effect with {why}."
+    if not model.wanted(settings) or settings.rates.rate_fragments != "device":
+        return ""
+    if settings.graph.name != "auto":
+        return (
+            "rate_fragments=device has no effect with graph=compute." if COMPUTED in _passes(settings) else ""
+        )
+    why = _why_not(settings, plan, limits)
+    return f"rate_fragments=device has no effect, since {why}: graph=compute lights blocks." if why else ""
 
 
 def _without(settings: Any, plan: Plan, limits: Mapping[str, int]) -> str:

@@ -24,8 +24,8 @@ class RateSettings:
     )
     rate_texel: int = knob(
         0,
-        "pixels along a square of the mask, which has one rate; 0 is what the device's own shading rates ask for, and "
-        "one block elsewhere",
+        "pixels along a square of the mask, which has one rate, a block at least; 0 is what the device's own shading "
+        "rates ask for, and one block elsewhere",
         choices=(0, 2, 4, 8, 16, 32),
     )
     rate_threshold: float = knob(

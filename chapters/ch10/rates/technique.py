@@ -19,7 +19,6 @@ class RateTechnique(Technique):
     """Says why a policy of shading rates has no effect, and when the mask is kept (`model.KEPT`)."""
 
     name = "rates"
-    settles_last = True
 
     def __init__(self, scene: Scene, settings: Settings) -> None:
         super().__init__(scene, settings)
@@ -33,12 +32,13 @@ class RateTechnique(Technique):
         if sentence and sentence not in parts.scene.warnings:
             parts.scene.warnings.append(sentence)
         if follows_edges(self._settings):
+            self.settles_last = True
             self._followed = [step for step in passes.values() if isinstance(step, RatePass)]
 
     def prepare(self, frame: FrameInfo) -> int:
         """Count frames in which nothing changes; return 0, as nothing is written."""
         if self._followed:
-            self._still = min(self._still + 1, KEPT) if frame.is_still() else 0
+            self._still = min(self._still + 1, KEPT) if frame.still else 0
             for gpu_pass in self._followed:
                 gpu_pass.still = self._still
         return 0
