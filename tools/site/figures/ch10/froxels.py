@@ -103,6 +103,6 @@ def slices_in_depth() -> Canvas:
     c.note(
         20,
         320,
-        "A third of all even slices lies where exponential ones have a few: far away, where all is small.",
+        "Slices of equal thickness lie mostly far away, where all is small.",
     )
     return c

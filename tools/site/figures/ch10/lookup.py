@@ -8,8 +8,8 @@ from tools.site.figures.canvas import Canvas
 from tools.site.figures.ch10.froxels import end_of
 from tools.site.figures.charts import Axis, Curve, curves
 
-EXTINCTION, NEAR, FAR, COUNT = 0.35, 1.0, 27.0, 6
-SHOWN = 4
+EXTINCTION, NEAR, FAR, COUNT = 0.3, 1.0, 27.0, 3
+SHOWN = 2
 """Slices of the drawing."""
 STEPS = 40
 
@@ -39,15 +39,14 @@ def lookups() -> Canvas:
     """Both lookups over the depth of a surface."""
     far = end_of(SHOWN - 1, COUNT, NEAR, FAR)
     depths = [far * i / (SHOWN * STEPS) for i in range(SHOWN * STEPS + 1)]
-    ends = [end_of(i, COUNT, NEAR, FAR) for i in range(-1, SHOWN)]
     return curves(
         "Transmittance in front of a surface, by its depth",
         Axis("depth of the surface, m"),
         Axis("transmittance"),
         (
-            Curve("exact, and by slice", [(d, within_slice(d)) for d in depths], marks=False),
+            Curve("exact, as by record", [(d, within_slice(d)) for d in depths], marks=False),
             Curve("between ends", [(d, between_ends(d)) for d in depths], dashed=True, marks=False),
-            Curve("ends of slices", [(d, exact(d)) for d in ends]),
         ),
-        f"extinction {EXTINCTION:g} per metre, {COUNT} slices from {NEAR:g} m to {FAR:g} m, {SHOWN} of them shown",
+        f"extinction {EXTINCTION:g} per metre; slices end at "
+        f"{', '.join(f'{end_of(i, COUNT, NEAR, FAR):.3g} m' for i in range(COUNT))}",
     )

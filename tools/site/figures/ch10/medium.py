@@ -87,10 +87,8 @@ def ways_of_light() -> Canvas:
     left, top, wide, tall = 40.0, 54.0, 420.0, 236.0
     c.text(40, 28, "two ways, without a march", 13, bold=True)
     c.rectangle((left, top, wide, tall), "paper", "ink", True, 0)
-    for number, fill in enumerate(("d", "card")):
-        high = 70.0 - 34 * number
-        y = top + tall - 36 - (70.0 if number else 0.0) - (high if number else 34.0)
-        c.rectangle((left, y, wide, 70.0 if not number else high), fill, fill, False, 0)
+    c.rectangle((left, top + tall - 120, wide, 50), "card", "card", False, 0)
+    c.rectangle((left, top + tall - 70, wide, 70), "d", "d", False, 0)
     c.rectangle((250, 150, 90, 62), "a", "line", False, 0)
     c.text(295, 168, "box", 12, "middle")
     froxel: Point = (150.0, 222.0)
@@ -108,7 +106,7 @@ def ways_of_light() -> Canvas:
     c.text(48, 282, "height fog, up to its base", 12)
     c.text(48, top + 18, "box around the scene", 12, role="soft")
     lines = (
-        ("depth = length x sum of extinction x mean", True),
+        ("length x sum of (extinction x mean)", True),
         ("constant: the mean is 1", False),
         ("height: the part below the base,", False),
         ("and an exponential above", False),

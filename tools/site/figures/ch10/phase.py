@@ -48,7 +48,7 @@ def phase_function() -> Canvas:
             for i in range(STEPS + 1)
         ]
         c.line(circle, "line", 0.5, dashed=True)
-        c.text(MIDDLE[0] + 4, MIDDLE[1] - far + 12, f"{10.0**power:g}", 11, role="soft")
+        c.text(MIDDLE[0] - 0.71 * far - 2, MIDDLE[1] + 0.71 * far + 10, f"{10.0**power:g}", 11, "end", "soft")
     c.arrow(16, MIDDLE[1], 92, MIDDLE[1], "ink")
     c.text(16, MIDDLE[1] - 10, "light arrives", 12, role="soft")
     c.circle(*MIDDLE, 4, "mark", "mark")
