@@ -52,7 +52,14 @@ FOLDER = ROOT / "docs" / "pictures"
 CHAPTER = 1
 
 STUDY_SIZE = (240, 160)
-STUDY_SIZES = {"linear-depth": (360, 240), "bias-explorer": (576, 320), "constant-loop": (352, 200)}
+STUDY_SIZES = {
+    "linear-depth": (360, 240),
+    "bias-explorer": (576, 320),
+    "constant-loop": (352, 200),
+    "blue-noise": (384, 384),
+    "phase-functions": (560, 315),
+    "far-march": (480, 270),
+}
 """Of studies whose pictures are tables."""
 STUDY_TIMES = {
     "rotating-cube": 0.4,
@@ -64,7 +71,14 @@ STUDY_TIMES = {
     "torus-knot": 0.0,
 }
 """Seconds at which a study shows what it is about; 1 for the others."""
-STUDIES_OF_PIXELS = {"dithered-alpha", "random-textures", "fragment-order", "dispatch-size", "bias-explorer"}
+STUDIES_OF_PIXELS = {
+    "dithered-alpha",
+    "random-textures",
+    "fragment-order",
+    "dispatch-size",
+    "bias-explorer",
+    "blue-noise",
+}
 """Those about single pixels, which are not to be averaged."""
 STUDY_SETTINGS = {
     "texture-handles": {"way": "units"},
@@ -73,7 +87,7 @@ STUDY_SETTINGS = {
     "bias-explorer": {"turn": 45.0},
 }
 """Settings with which every driver can draw a study's picture, or it says more."""
-WITH_STUDIES = (1, 2, 3, 4, 5, 6, 7, 8, 9)
+WITH_STUDIES = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10)
 """The chapters that have studies."""
 BY_FIGURES = {"9/shading-rates"}
 """Studies that no software driver draws: a figure shows what they do."""
@@ -304,6 +318,26 @@ def rates_sheet(cell: tuple[int, int] = (264, 148), frames: int = 40, gain: floa
     return np.concatenate([halved(halved(one)) for one in (whole, tinted, grey)], axis=1)
 
 
+FOG = 10
+"""The chapter whose fog the sheet shows."""
+
+
+def fog_sheet(cell: tuple[int, int] = (264, 148), frames: int = 16) -> NDArray[Any]:
+    """Return (H, W, 3): the atrium without its haze, in it, and what the haze leaves of the light of surfaces."""
+    cells = []
+    for on, shown in ((False, "picture"), (True, "picture"), (True, "fog-transmittance")):
+        settings: Any = replaced(preset(chapters.settings_class(FOG), "medium"), view=shown, fog=on)
+        size = (2 * cell[0], 2 * cell[1])
+        with chapters.open(
+            FOG, "auto", scene=load_scene(locate("atrium:fog")), size=size, settings=settings
+        ) as renderer:
+            view = chapters.view_of(renderer)
+            for _ in range(frames):
+                frame = renderer.render(view)
+            cells.append(halved(frame.image("color")))
+    return np.concatenate(cells, axis=1)
+
+
 def pyramid_sheet(cell: tuple[int, int] = (330, 186), shown: Sequence[int] = (0, 3, 5)) -> NDArray[Any]:
     """Return (H, W, 3): a street, and levels of its depth pyramid, each texel over the pixels below it."""
     settings: Any = preset(chapters.settings_class(CULLING), "medium")
@@ -344,6 +378,7 @@ SHEETS = {
     "ch07-market": lights_sheet,
     "ch08-atrium": shadows_sheet,
     "ch09-atrium": rates_sheet,
+    "ch10-atrium": fog_sheet,
 }
 
 
@@ -356,6 +391,7 @@ COVERS: dict[str, int] = {
     "ch07-market": LIGHTS,
     "ch08-atrium": SHADOWS,
     "ch09-atrium": RATES,
+    "ch10-atrium": FOG,
 }
 """The chapter that draws a sheet; GRAPH for the others."""
 

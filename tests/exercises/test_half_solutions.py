@@ -69,6 +69,13 @@ LIT = ("rates/codes.glsl", "min(origin + block / 2, size - 1)")
 REPLACES = ("rates/vulkan.py", "vk.VK_FRAGMENT_SHADING_RATE_COMBINER_OP_REPLACE_KHR")
 PROGRAM = ("pipelines/gl_specialization.py", 'f"{source.key} {sorted(values.items())}"')
 EDGE = ("rates/picture.py", "~(squared <= threshold)")
+NEAR = ("fog/scatter.comp", "    if (p.z <= face.origin.w) {")
+HIDDEN = ("fog/scatter.comp", "ivec2(floor(receiver.at)), stored) ? 0.0 : 1.0")
+FOUR = ("fog/spatial.comp", "stored(sum / weights)")
+COLUMN = ("fog/integrate.comp", "ray_stretch(froxel_uv(froxel), frame.steady_clip_from_view)")
+FIRST = ("fog/places.py", "        return part * near * ratio ** (1 / count)")
+AHEAD = ("fog/places.py", "np.where(depths > 0.0, depths, near)")
+BELOW = ("fog/ways.py", "max(-low, 0.0) / (high - low) if high > low else 0.0")
 
 CASES = {
     "normalised, and still by the matrix of positions": (
@@ -617,6 +624,27 @@ CASES = {
         (*PROGRAM, 'f"{source.stage} {sorted(values.items())}"'),
         "different texts have one key",
     ),
+    "light that is seen by halves": (
+        (10, "light-through-walls"),
+        (*HIDDEN, "ivec2(floor(receiver.at)), stored) ? 0.0 : 0.5"),
+        "another light than without shadows",
+    ),
+    "extinction alone": (
+        (10, "fog-that-does-not-dim"),
+        (*FOUR, "stored(vec4(texelFetch(fog_light, froxel, 0).rgb, sum.a / weights))"),
+        "froxels light is not the mean",
+    ),
+    "the stretch of the middle": (
+        (10, "clear-corners"),
+        (*COLUMN, "ray_stretch(vec2(0.5), frame.steady_clip_from_view)"),
+        "away along the ray",
+    ),
+    "the first slice by ratio": (
+        (10, "froxel-of-a-point"),
+        (*FIRST, "        return near * ratio ** (part / count)"),
+        "the sample of slice 0",
+    ),
+    "all above the base": ((10, "way-through-layers"), (*BELOW, "0.0"), "upwards through the base"),
 }
 
 
@@ -769,6 +797,13 @@ RIGHT = {
         (*REPLACES, "vk.VK_FRAGMENT_SHADING_RATE_COMBINER_OP_MAX_KHR"),
     ),
     "the text itself": ((9, "one-program-for-two"), (*PROGRAM, "(source.key + text)")),
+    "not behind": ((10, "light-through-walls"), (*NEAR, "    if (!(p.z > face.origin.w)) {")),
+    "times the inverse": ((10, "fog-that-does-not-dim"), (*FOUR, "stored(sum * (1.0 / weights))")),
+    "the place written out": (
+        (10, "clear-corners"),
+        (*COLUMN, "ray_stretch((vec2(froxel.xy) + 0.5) / vec2(fog.size.xy), frame.steady_clip_from_view)"),
+    ),
+    "a small depth for none": ((10, "froxel-of-a-point"), (*AHEAD, "np.maximum(depths, 1e-300)")),
 }
 """Solutions that differ from the one of the exercise, and are right."""
 

@@ -24,6 +24,7 @@ from tools.site.figures.ch07.fill import FILL
 from tools.site.figures.ch07.walk import WALK
 from tools.site.figures.ch08.snapping import SNAPPING
 from tools.site.figures.ch09.feedback import TURNS
+from tools.site.figures.ch10.jitter import JITTER
 from tools.site.figures.culling import CULLING
 from tools.site.figures.film import SCHEMES, Loop, Picture, animated
 
@@ -277,6 +278,7 @@ LOOPS: Mapping[str, Loop] = {
     **FILL,
     **SNAPPING,
     **TURNS,
+    **JITTER,
 }
 """The loops that are drawn; their stills are figures of the lessons."""
 CLOTH = Loop(
@@ -299,6 +301,7 @@ def files() -> dict[str, tuple[Callable[[], bytes], list[Path]]]:
         **{name: [HERE / "ch07" / "layers.py", HERE / "ch07" / "fill.py"] for name in FILL},
         **{name: [*sun, HERE / "ch08" / "snapping.py"] for name in SNAPPING},
         **{name: [HERE / "ch09" / "feedback.py"] for name in TURNS},
+        **{name: [HERE / "ch10" / "jitter.py"] for name in JITTER},
     }
     found: dict[str, tuple[Callable[[], bytes], list[Path]]] = {}
     for name, loop in LOOPS.items():
