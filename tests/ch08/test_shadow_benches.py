@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import io
 import json
 from importlib import import_module
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from chapters.ch08.benches import (
     shadow_caching,
@@ -20,6 +18,7 @@ from chapters.ch08.benches import (
 )
 from common.reports.benches import Effort
 from common.scene.pose import evaluate_pose
+from tests.support.bench_views import drawn, shown
 from tests.support.packages import BACKENDS
 from tests.support.scenes import quad_scene
 from tests.support.shadows import placed, point, spot, sun, yard
@@ -50,21 +49,6 @@ def measured(request, module, **patched):
         record = module.measure(subject, SMALL, lambda what, part: told.append(part))
     assert told == sorted(told) and told[-1] < 1.0
     return json.loads(json.dumps(record, allow_nan=False))
-
-
-def shown(module, record) -> str:
-    console = Console(file=io.StringIO(), width=180)
-    module.show(record, console)
-    return console.file.getvalue()
-
-
-def drawn(module, record) -> list[str]:
-    """Return the labels of the lines of a plot."""
-    from matplotlib.figure import Figure
-
-    axes = Figure().add_subplot()
-    module.plot(axes, record)
-    return axes.get_legend_handles_labels()[1]
 
 
 # --- memory -----------------------------------------------------------------------------------------------------------

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import io
 import json
 from importlib import import_module
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from chapters.ch09.benches import constants, pass_times, rates
 from chapters.ch09.rates.model import encode
 from common.errors import UserError
 from common.reports.benches import Effort
+from tests.support.bench_views import drawn, shown
 from tests.support.packages import BACKENDS
 from tests.support.scenes import quad_scene
 from tests.support.shadows import point, sun, yard
@@ -43,21 +42,6 @@ def measured(request, module, **patched):
         record = module.measure(subject, SMALL, lambda what, part: told.append(part))
     assert told == sorted(told) and 0.0 <= told[-1] < 1.0
     return json.loads(json.dumps(record, allow_nan=False))
-
-
-def shown(module, record) -> str:
-    console = Console(file=io.StringIO(), width=200)
-    module.show(record, console)
-    return console.file.getvalue()
-
-
-def drawn(module, record) -> list[str]:
-    """Return the labels of the lines of a plot."""
-    from matplotlib.figure import Figure
-
-    axes = Figure().add_subplot()
-    module.plot(axes, record)
-    return axes.get_legend_handles_labels()[1]
 
 
 # --- rates ------------------------------------------------------------------------------------------------------------

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from backends.fragments import fragments
 from backends.gl.queries import Statistics
-from backends.vulkan import api as vk
 from chapters.ch09.rates.model import TEXEL
 from chapters.ch09.settings import Settings
 from common.environment import Environment
@@ -45,7 +45,6 @@ SKY = {
     "table_samples": 16,
     "ambient": 0.3,
 }
-INVOCATIONS = vk.VK_QUERY_PIPELINE_STATISTIC_FRAGMENT_SHADER_INVOCATIONS_BIT
 
 
 @pytest.fixture(scope="module")
@@ -165,42 +164,27 @@ def test_what_no_pass_has_written_is_read_by_none(chapter, lamps):
 
 
 @contextmanager
+def samples(device: Any) -> Iterator[tuple[Callable[[Any], Any], Callable[[], int]]]:
+    """Count the samples that pass the depth test, where OpenGL counts no fragments: as many, with one a pixel."""
+    statistics = Statistics(device, "samples")
+    yield lambda commands: statistics.count(), lambda: statistics.read()["samples_passed"]
+    statistics.close()
+
+
+@contextmanager
 def fragments_of(renderer: Any, name: str) -> Iterator[Callable[[], int]]:
-    """Count the fragments that a pass runs; what is yielded reads the number after a frame."""
-    device, fn = renderer.device, renderer.device.fn
+    """Count the fragments that a pass runs in one frame; what is yielded reads the number after it."""
     counted = next(one for one in renderer.passes if one.name == name)
-    draw = counted.record
-    if renderer.capabilities.backend == "gl":
-        statistics = Statistics(device, name)
+    counts = fragments if renderer.device.has("pipeline-statistics") else samples
+    with counts(renderer.device) as (counting, read):
+        draw = counted.record
 
         def record(commands: Any) -> None:
-            with statistics.count():
+            with counting(commands):
                 draw(commands)
 
         counted.record = record
-        yield lambda: statistics.read().get("fragment_invocations", statistics.read()["samples_passed"])
-        statistics.close()
-        return
-    kind = vk.VK_QUERY_TYPE_PIPELINE_STATISTICS
-    info = vk.new("VkQueryPoolCreateInfo", queryType=kind, queryCount=1, pipelineStatistics=INVOCATIONS)
-    pool = device.create("vkCreateQueryPool", info, "fragments")
-
-    def between(commands: Any) -> None:
-        fn.vkCmdBeginQuery(commands.handle, pool, 0, 0)
-        draw(commands)
-        fn.vkCmdEndQuery(commands.handle, pool, 0)
-
-    def read() -> int:
-        out = np.zeros(1, np.uint64)
-        flags = vk.VK_QUERY_RESULT_64_BIT | vk.VK_QUERY_RESULT_WAIT_BIT
-        fn.vkGetQueryPoolResults(device.handle, pool, 0, 1, 8, vk.ffi.from_buffer(out), 8, flags)
-        return int(out[0])
-
-    counted.pre_render = lambda commands: fn.vkCmdResetQueryPool(commands.handle, pool, 0, 1)
-    counted.record = between
-    yield read
-    device.wait_idle()
-    device.destroy("VkQueryPool", pool)
+        yield read
 
 
 @pytest.mark.parametrize(("coarse", "radius"), [("2x2", RADIUS), ("4x4", RADIUS), ("2x2", 0.0), ("2x2", 4.0)])
