@@ -105,9 +105,8 @@ class View:
         if not isinstance(other, View):
             return NotImplemented
         rest = (self.projection, self.ev100, self.cut)
-        return rest == (other.projection, other.ev100, other.cut) and np.array_equal(
-            self.world_from_view, other.world_from_view
-        )
+        same = rest == (other.projection, other.ev100, other.cut)
+        return same and self.world_from_view.tobytes() == other.world_from_view.tobytes()
 
     __hash__ = None  # type: ignore[assignment]  # it holds an array
 
