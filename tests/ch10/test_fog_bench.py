@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import io
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from chapters.ch10.benches import fog, fog_scenes, pass_times
 from common.reports.benches import Effort
 from common.scene import Material
+from tests.support.bench_views import shown
 from tests.support.fog import HAZE, VIEW, foggy
 from tests.support.packages import BACKENDS
 from tests.support.scenes import quad_scene
@@ -57,12 +56,6 @@ def rows_of(record, scene):
     return {row["name"]: row for row in record["rows"] if row["scene"] == scene}
 
 
-def shown(record) -> str:
-    console = Console(file=io.StringIO(), width=200)
-    fog.show(record, console)
-    return console.file.getvalue()
-
-
 @pytest.mark.feature("fog/froxel-volume", "fog/half-resolution-apply")
 def test_errors_fall_with_the_grid_and_are_larger_near_a_lamp(haze):
     behind, ahead = (rows_of(haze, scene) for scene in fog.QUICK_SCENES)
@@ -91,9 +84,12 @@ def test_bands_fall_with_each_filter(haze):
 def test_tables_and_figures_say_all_rows(haze):
     from matplotlib.figure import Figure
 
-    text = shown(haze)
+    text = shown(fog, haze)
     assert all(row["name"] in text and row["scene"] in text for row in haze["rows"])
-    assert "single scattering" in text and "255 codes" in text and haze["clock"]
+    assert "single scattering" in text and "255 codes" in text
+    misty = {**haze, "rows": [{**row, "scene": "atrium:fog"} for row in haze["rows"]]}
+    assert "\natrium:fog: the " in shown(fog, misty), "a colon at each end is no name of a picture"
+    assert ("ms by the clock" in text) == haze["clock"] != ("ms on the GPU" in text)
     axes = Figure().add_subplot()
     fog.plot(axes, haze)
     assert axes.get_legend_handles_labels()[1] == list(fog.QUICK_SCENES)

@@ -274,20 +274,24 @@ def _bands(subject: Subject, counts: tuple[int, ...]) -> list[dict[str, Any]]:
 # --- results ----------------------------------------------------------------------------------------------------------
 
 
+TIMES = (("fog_ms", 3), ("fog_noise_ms", 1), ("light_ms", 3))
+"""The times of a row, and how many digits of each are printed: a table has room in 80 columns."""
+
+
 def show(record: dict[str, Any], to: Console) -> None:
     """Print a table for each scene, the bands, and the results as sentences."""
     width, height = record["size"]
     unit = "ms by the clock" if record["clock"] else "ms on the GPU"
     for scene in dict.fromkeys(row["scene"] for row in record["rows"]):
         shown = table(
-            f"Fog, {scene}, {width}x{height}, {unit}",
-            *("", ">froxels", ">fog", ">±", ">light", ">rms %", ">half %", ">95 %", ">bias %"),
+            f"Fog, {scene}, {width}x{height}, {unit}, errors in %",
+            *("", ">froxels", ">fog", ">±", ">light", ">rms", ">half", ">95 %", ">bias"),
         )
         for row in (row for row in record["rows"] if row["scene"] == scene):
             shown.add_row(
                 row["name"],
                 f"{row['froxels'] / 1000:.0f}k",
-                *(f"{row[name]:.3g}" for name in ("fog_ms", "fog_noise_ms", "light_ms")),
+                *(f"{row[name]:.{digits}g}" for name, digits in TIMES),
                 *(_percent(row[name]) for name in ("rms", "median", "p95", "bias")),
             )
         to.print(shown)
@@ -298,7 +302,7 @@ def show(record: dict[str, Any], to: Console) -> None:
         )
     to.print(shown)
     for line in sentences(record):
-        to.print(line, soft_wrap=True)
+        to.print(line, soft_wrap=True, emoji=False)  # ":fog:" is a picture to the printer
 
 
 def _percent(value: float | None) -> str:
