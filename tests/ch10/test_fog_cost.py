@@ -16,40 +16,35 @@ PATHS = {"compute": {}, "deferred": {"fog_half": True}}
 """What is set on each path, if there is fog."""
 
 AIR = Medium(extinction=0.02, height_extinction=0.3, height_falloff=1.5, albedo=(0.9, 0.8, 0.7))
-BOXES = Medium(
-    boxes=(
-        FogBox((0.0, 0.5, 40.0), (1.0, 1.0, 1.0), 0.5),  # behind the camera
-        FogBox((1.0, 0.8, 1.5), (0.8, 0.7, 0.9), 0.6),
-    )
-)
+BEHIND, AHEAD = FogBox((0.0, 0.5, 40.0), (1.0, 1.0, 1.0), 0.5), FogBox((1.0, 0.8, 1.5), (0.8, 0.7, 0.9), 0.6)
 GRID = {"fog_columns": 4, "fog_rows": 4, "fog_slices": 4}
-"""Few froxels: what they cost is not Python's."""
-
 FOGS = {
     "air": (AIR, {"fog_noise": 0.5, "fog_noise_size": 32}),
-    "boxes": (BOXES, {}),
-    "few passes": (AIR, {"fog_spatial": False, "fog_temporal": False}),
+    "boxes": (Medium(boxes=(BEHIND, AHEAD)), {}),
+    "no filters": (AIR, {"fog_spatial": False, "fog_temporal": False}),
 }
-"""A medium with noise, one that may be out of view, and one without filters."""
+"""A medium with noise, one that can be out of view, and one without filters."""
+
+WITHOUT = ("no medium", "off")
+"""Frames without fog."""
 
 
 @pytest.fixture
 def walks(chapter, request):
-    """Return functions that draw the next frame of a walk: of the chapter before, and of this one.
-
-    "no medium" and "off" have no fog; the others are those of FOGS.
-    """
+    """Return walks: of the chapter before, of this one without fog, and with each of FOGS."""
     scene, graph = lit_yard(), {"graph": request.param}
-    hazy = replace(scene, medium=AIR)
     with ExitStack() as stack:
+
+        def walked(it, medium, **turned):
+            return stack.enter_context(walk(it, replace(scene, medium=medium), **graph, **turned))
+
         found = {
-            "before": stack.enter_context(walk(chapter_before(chapter), scene, **graph)),
-            "no medium": stack.enter_context(walk(chapter, scene, **graph)),
-            "off": stack.enter_context(walk(chapter, hazy, fog=False, **graph)),
+            "before": walked(chapter_before(chapter), None),
+            "no medium": walked(chapter, None),
+            "off": walked(chapter, AIR, fog=False),
         }
         for name, (medium, knobs) in FOGS.items():
-            knobs = {**graph, **PATHS[request.param], **GRID, **knobs}
-            found[name] = stack.enter_context(walk(chapter, replace(scene, medium=medium), **knobs))
+            found[name] = walked(chapter, medium, **GRID, **knobs, **PATHS[request.param])
         yield found
 
 
@@ -57,20 +52,32 @@ def walks(chapter, request):
 @pytest.mark.variants("vulkan", "gl")
 @pytest.mark.parametrize("walks", PATHS, indirect=True)
 def test_a_frame_calls_few_more_functions_than_one_of_the_chapter_before(chapter, walks):
+    """Without fog one more technique is asked, by three calls.
+
+    With it there are up to six passes more, the block of the frame, and boxes that are compared with the view. Vulkan
+    submits what was recorded, so a pass costs its key. OpenGL replays a list, in which a dispatch has 13 calls of the
+    driver, and some of its functions are wrapped for tests.
+    """
+    most = 150 if chapter.backend == "gl" else 45
     counts = {name: calls_of(walk) for name, walk in walks.items()}
-    print(counts)
-    raise SystemExit if False else AssertionError
+    assert counts["before"] > 100, "calls are counted"
+    assert max(counts[name] for name in WITHOUT) - counts["before"] <= 5, counts
+    assert max(counts[name] for name in FOGS) - counts["before"] <= most, counts
 
 
 @pytest.mark.alone
 @pytest.mark.feature("fog/medium", "fog/froxel-volume")
 @pytest.mark.variants("vulkan")
 @pytest.mark.parametrize("walks", PATHS, indirect=True)
-def test_a_frame_takes_no_more_time_of_its_thread(walks, monkeypatch):
-    def holds(least):
-        return all(least[name] - least["before"] < BUDGET_S for name in FOGS)
+def test_a_frame_takes_little_more_time_of_its_thread(walks, monkeypatch):
+    """CPU time of the thread that renders, without that of the driver in calls that submit and wait.
 
-    least = python_times(walks, lambda _: False, monkeypatch)
-    print({k: round(v * 1e6) for k, v in least.items()})
+    The camera moves in every frame, so nothing rests.
+    """
+
+    def holds(least):
+        fog = max(least[name] for name in FOGS) - least["before"]
+        return fog < BUDGET_S and max(least[name] for name in WITHOUT) - least["before"] < BUDGET_S / 3
+
+    least = python_times(walks, holds, monkeypatch)
     assert least["before"] > BUDGET_S and holds(least), least
-    assert 0

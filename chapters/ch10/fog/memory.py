@@ -35,8 +35,8 @@ BLOCK = np.dtype(
 OF_FRAME = struct.Struct("=3f4x2f8x4I")
 """The beginning of the block that changes from frame to frame: wind, history and frame."""
 
-SELDOM = OF_FRAME.size + 16
-"""Bytes at the beginning of the block that change at all: places follow from the size of the picture."""
+CHANGING = OF_FRAME.size + 16
+"""Bytes at the beginning of the block that change: places do so with the size of the picture."""
 
 
 class FogMemory:
@@ -63,10 +63,10 @@ class FogMemory:
 
     def write(self, slot: int, block: memoryview) -> int:
         """Write the bytes of a block to a slot: all of them once, and then what has changed; return their number."""
-        content = block[:SELDOM].tobytes()
+        content = block[:CHANGING].tobytes()
         if self._written[slot] == content:
             return 0
-        size = SELDOM if self._written[slot] else BLOCK.itemsize
+        size = CHANGING if self._written[slot] else BLOCK.itemsize
         self._written[slot] = content
         self._mapped[slot][:size] = block[:size]
         return size

@@ -123,9 +123,10 @@ class FogTechnique(Technique):
             self._visible = self._extent.in_view(frame.view, frame.size[0] / frame.size[1])
         visible = self._visible
         rests = self._still > model.REST_FRAMES and not self._adapts
-        if self._inject.active != (visible and not rests):
+        active = visible and not rests
+        if self._inject.active != active:
             for own in self._own:
-                own.active = not own.active
+                own.active = active
         numbers = self._age & 255, self._still > 0, visible, was_visible
         OF_FRAME.pack_into(self._bytes, 0, *wind, self._share(), self._dither, *numbers)
         self._age = self._age + 1 if visible else 0
