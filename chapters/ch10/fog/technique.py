@@ -46,6 +46,7 @@ class FogTechnique(Technique):
         self._own: tuple[FogPass, ...] = ()
         self._age = self._still = 0
         self._state: Any = None
+        self._size: tuple[int, int] | None = None
         self._noise_sent = self._visible = False
         self._passes: Any = None
         self._shadows: Any = None
