@@ -258,7 +258,7 @@ def test_a_box_is_in_view_where_a_corner_may_be():
         clip = np.c_[points, np.ones(200)] @ view.clip_from_world(aspect).T
         ahead = -(np.c_[points, np.ones(200)] @ view.view_from_world()[2])
         inside = (np.abs(clip[:, :2]) <= clip[:, 3:]).all(axis=1) & (ahead > 0) & (ahead < far)
-        shown = model.in_view(medium, view, aspect, far)
+        shown = model.Extent(medium, far).in_view(view, aspect)
         kept += shown
         assert shown or not inside.any()
     assert 30 < kept < 270

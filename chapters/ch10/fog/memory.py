@@ -3,6 +3,7 @@ create them."""
 
 from __future__ import annotations
 
+import struct
 from typing import Any
 
 import numpy as np
@@ -31,8 +32,11 @@ BLOCK = np.dtype(
 )
 """The block of a slot (fog/scene.glsl), which std140 lays out without gaps: all of it is vectors of four."""
 
-OF_FRAME = 64
-"""Bytes at the beginning of the block that change from frame to frame."""
+OF_FRAME = struct.Struct("=3f4x2f8x4I")
+"""The beginning of the block that changes from frame to frame: wind, history and frame."""
+
+CHANGING = OF_FRAME.size + 16
+"""Bytes at the beginning of the block that change: places do so with the size of the picture."""
 
 
 class FogMemory:
@@ -42,6 +46,7 @@ class FogMemory:
         self._backend = backend
         self.blocks = [self._create_block(f"fog, slot {slot}") for slot in range(SLOTS)]
         self._written: list[bytes] = [b""] * SLOTS
+        self._mapped = [block.view(np.uint8).data for block in self.blocks]
         self.store: Any = None
         """The store, once the size of the picture is known."""
         self.tables: Any = None
@@ -56,14 +61,14 @@ class FogMemory:
         self._free_store()
         self.store = self._create_buffer(words * model.WORD_BYTES, model.ranks(), "fog store")
 
-    def write(self, slot: int, block: np.ndarray) -> int:
+    def write(self, slot: int, block: memoryview) -> int:
         """Write the bytes of a block to a slot: all of them once, and then what has changed; return their number."""
-        content = block[:OF_FRAME].tobytes()
+        content = block[:CHANGING].tobytes()
         if self._written[slot] == content:
             return 0
-        size = OF_FRAME if self._written[slot] else BLOCK.itemsize
+        size = CHANGING if self._written[slot] else BLOCK.itemsize
         self._written[slot] = content
-        self.blocks[slot].view(np.uint8)[:size] = block[:size]
+        self._mapped[slot][:size] = block[:size]
         return size
 
     def _create_block(self, name: str) -> Any:

@@ -36,9 +36,6 @@ REST_FRAMES = 64
 WIND = (1.0, 0.1, 2.0)
 """The direction of the wind."""
 
-CORNERS = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
-"""(8, 3) corners of a box, in half sizes from its center."""
-
 WORD_BYTES = 16
 """A word of the store is a uvec4."""
 
@@ -202,18 +199,40 @@ def fog_defines(scene: Scene, settings: Any) -> Defines:
     )
 
 
-def in_view(medium: Medium, view: View, aspect: float, far: float) -> bool:
-    """Whether any of the medium may be in a grid that ends at `far` metres: only boxes can be out of view.
+class Extent:
+    """Where a medium is: anywhere, or in boxes alone, which can be out of view. The grid ends at `far` metres.
 
-    A box is out of view if all of its corners lie outside of one plane of the frustum.
+    A frame computes with plain numbers: for so few of them, calls of numpy would cost more.
     """
-    if medium.extinction > 0.0 or medium.height_extinction > 0.0:
-        return True
-    boxes = [box for box in medium.boxes if box.extinction > 0.0]
-    centers, halves = (np.array([getattr(box, name) for box in boxes]) for name in ("center", "half_size"))
-    points = centers[:, None] + CORNERS * halves[:, None]  # (B, 8, 3)
-    points = np.concatenate([points, np.ones((*points.shape[:2], 1))], axis=2)
-    x, y, _, w = np.moveaxis(points @ view.clip_from_world(aspect).T, 2, 0)
-    depth = -(points @ view.view_from_world()[2])
-    outside = np.stack([x < -w, x > w, y < -w, y > w, depth < 0.0, depth > far])
-    return bool((~outside.all(axis=2).any(axis=0)).any())
+
+    def __init__(self, medium: Medium, far: float) -> None:
+        self._anywhere, self._far = medium.extinction > 0.0 or medium.height_extinction > 0.0, far
+        self._boxes = [(box.center, box.half_size) for box in medium.boxes if box.extinction > 0.0]
+        self._lens: Any = None
+
+    def in_view(self, view: View, aspect: float) -> bool:
+        """Whether any of the medium may be in the grid.
+
+        A box is out of view if it is outside of a plane of the frustum, with the corner that is farthest along the
+        plane's normal.
+        """
+        if self._anywhere:
+            return True
+        if self._lens != (view.projection, aspect):
+            self._lens, self._planes = (view.projection, aspect), self._planes_of(view.clip_from_view(aspect))
+        (xx, xy, xz, eye_x), (yx, yy, yz, eye_y), (zx, zy, zz, eye_z), _ = view.world_from_view.tolist()
+        for (x, y, z), (width, height, length) in self._boxes:
+            x, y, z = x - eye_x, y - eye_y, z - eye_z
+            for a, b, c, d in self._planes:
+                nx, ny, nz = xx * a + xy * b + xz * c, yx * a + yy * b + yz * c, zx * a + zy * b + zz * c
+                if nx * x + abs(nx) * width + ny * y + abs(ny) * height + nz * z + abs(nz) * length + d < 0.0:
+                    break
+            else:
+                return True
+        return False
+
+    def _planes_of(self, clip_from_view: NDArray[np.float64]) -> list[list[float]]:
+        """Return the planes of the grid in view space: a point p is inside of (n, d) where dot(n, p) + d >= 0."""
+        x, y, _, w = clip_from_view
+        planes = np.stack([w + x, w - x, w + y, w - y, (0.0, 0.0, -1.0, 0.0), (0.0, 0.0, 1.0, self._far)])
+        return planes.tolist()

@@ -17,11 +17,10 @@ from ..hdr.model import automatic
 from ..scene.pass_parts import PassParts
 from ..settings import Settings
 from . import model
-from .memory import BLOCK, FogMemory
-from .passes import FOG_PASSES, LIT, FogPass, HalfPass, NoisePass, read_fog
+from .memory import BLOCK, OF_FRAME, FogMemory
+from .passes import FOG_PASSES, LIT, FogPass, HalfPass, InjectPass, NoisePass, read_fog
 
-HISTORY_SHARE, FRAME, HALF_COLUMNS = 4, 8, 15
-"""Words of the block (memory.py)."""
+WIND_LENGTH = math.hypot(*model.WIND)
 
 HALF_WITHOUT_EFFECT = (
     "fog_half has no effect without a G-buffer: the depth of surfaces is not known before they are lit."
@@ -58,6 +57,9 @@ class FogTechnique(Technique):
         self._parts, self._backend = parts, backend
         self._own = tuple(kind(parts) for kind in FOG_PASSES)
         self.passes = {gpu_pass.name: gpu_pass for gpu_pass in self._own}
+        (self._noise,) = (own for own in self._own if isinstance(own, NoisePass))
+        (self._inject,) = (own for own in self._own if isinstance(own, InjectPass))
+        (self._half,) = (own for own in self._own if isinstance(own, HalfPass))
         if not model.needed(parts.scene, parts.settings):
             return
         if FogPass.needed(parts.scene, parts.settings):
@@ -66,12 +68,13 @@ class FogTechnique(Technique):
         if without and HALF_WITHOUT_EFFECT not in parts.scene.warnings:
             parts.scene.warnings.append(HALF_WITHOUT_EFFECT)
         self._medium = model.medium_of(parts.scene, self._knobs)
+        self._blows, self._halves = model.noise_in_use(parts.settings), model.half_in_use(parts.settings)
+        self._adapts = bool(automatic(parts.settings))
         self._memory = parts.data.fog = backend.part(__package__).FogMemory(
             backend, model.table_bytes(parts.settings) if model.tables_in_use(parts.settings) else 0
         )
         self._block = block = self._fixed_block()
-        self._bytes = block.reshape(1).view(np.uint8)  # of the same memory, as are the next two
-        self._floats, self._words = self._bytes.view(np.float32), self._bytes.view(np.uint32)
+        self._bytes = block.reshape(1).view(np.uint8).data  # of the same memory
         self._make_store((1, 1))
 
     def _fixed_block(self) -> np.ndarray:
@@ -79,17 +82,18 @@ class FogTechnique(Technique):
         scene, knobs, medium = self._parts.scene, self._knobs, self._medium
         block = np.zeros((), BLOCK)
         near, far = model.range_of(scene, knobs)
-        self._far = far
+        self._extent = model.Extent(medium, far)
         block["range"] = near, np.log2(far / near), far, knobs.fog_anisotropy
         block["size"] = *model.grid_of(knobs), len(medium.boxes)
         block["constant"] = *medium.albedo, medium.extinction
         block["height"] = *medium.albedo, medium.height_extinction
-        self._periods = periods = 1.0 / (knobs.fog_noise_period * scene.length_scale)
+        periods = 1.0 / (knobs.fog_noise_period * scene.length_scale)
+        self._wind_speed = float(knobs.fog_wind * periods)
         base = medium.height_base - scene.origin[1]
         block["shape"] = base, medium.height_falloff, knobs.fog_noise, periods
         block["bounds"][:3] = (scene.bounds[1] - scene.bounds[0]) / 2
         block["bounds"][3] = knobs.fog_half_tolerance
-        block["history"][1] = knobs.fog_dither / 255
+        self._dither = knobs.fog_dither / 255
         for record, box in zip(block["boxes"], medium.boxes, strict=False):
             record["center"] = *(np.array(box.center) - scene.origin), box.extinction
             record["half_size"][:3], record["albedo"][:3] = box.half_size, box.albedo
@@ -104,44 +108,50 @@ class FogTechnique(Technique):
         """Write the block of the slot; return the bytes written."""
         if self._memory is None:
             return 0
-        if model.half_in_use(self._parts.settings) and self._size != frame.size:
-            self._make_store(frame.size)
-            self._show_store(frame)
+        if frame.passes is not self._passes or frame.size != self._size:
+            self._follow(frame)
         if self._noise_sent:
             self._noise.due = False
-        if frame.passes is not self._passes:
-            self._passes, named = frame.passes, {gpu_pass.name: gpu_pass for gpu_pass in frame.passes}
-            self._moves, self._looks_up = bool(self.scene.animations) or "cloth" in named, "fog_half" in named
-            self._shadows = named.get("shadows")
         if self._shadows is not None and len(self._shadows.schedule.faces):
             self._drawn += 1  # the last frame drew shadow maps, which froxels read
-        width, height = self._half.size = frame.size
-        wind = self._wind(frame.time)
+        wind, was_visible = self._wind(frame.time), self._visible
         moment = frame.time if self._moves else 0.0
         state = frame.view, moment, wind, dict(self.scene.revision), self._drawn
-        self._still = self._still + 1 if state == self._state else 0
-        self._state = state
-        visible = model.in_view(self._medium, frame.view, width / height, self._far)
-        rests = self._still > model.REST_FRAMES and not automatic(self._parts.settings)
-        for own in self._own:
-            own.active = visible and not rests
-        self._floats[:3] = wind
-        self._floats[HISTORY_SHARE] = self._share()
-        self._words[FRAME : FRAME + 4] = self._age & 255, self._still > 0, visible, self._visible
-        self._words[HALF_COLUMNS] = -(-width // 2) if self._looks_up else 0
-        self._visible = visible
+        if state == self._state:
+            self._still += 1
+        else:
+            self._state, self._still = state, 0
+            self._visible = self._extent.in_view(frame.view, frame.size[0] / frame.size[1])
+        visible = self._visible
+        rests = self._still > model.REST_FRAMES and not self._adapts
+        active = visible and not rests
+        if self._inject.active != active:
+            for own in self._own:
+                own.active = active
+        numbers = self._age & 255, self._still > 0, visible, was_visible
+        OF_FRAME.pack_into(self._bytes, 0, *wind, self._share(), self._dither, *numbers)
         self._age = self._age + 1 if visible else 0
         self._noise_sent = self._noise.due and visible
         return self._memory.write(frame.slot, self._bytes)
+
+    def _follow(self, frame: FrameInfo) -> None:
+        """Find what follows from the passes of the frame and the size of the picture, which seldom change."""
+        if self._halves and self._size != frame.size:
+            self._make_store(frame.size)
+            self._show_store(frame)
+        named = {gpu_pass.name: gpu_pass for gpu_pass in frame.passes}
+        self._passes, self._size = frame.passes, frame.size
+        self._moves, self._shadows = bool(self.scene.animations) or "cloth" in named, named.get("shadows")
+        self._half.size = frame.size
+        columns = -(-frame.size[0] // 2) if "fog_half" in named else 0
+        self._block["places"] = 0, self._places.froxels, self._places.pixels, columns
 
     def _make_store(self, size: tuple[int, int]) -> None:
         """Make the store for a picture of `size` pixels."""
         assert self._memory is not None, "there is fog"
         model.check_device(self._parts.settings, self._backend.device.capabilities.limits, size)
-        places = model.places_of(self._parts.settings, size)
-        self._memory.make(places.words)
-        self._block["places"] = 0, places.froxels, places.pixels, 0
-        self._size = size
+        self._places, self._size = model.places_of(self._parts.settings, size), size
+        self._memory.make(self._places.words)
 
     def _show_store(self, frame: FrameInfo) -> None:
         """Let shaders see another store."""
@@ -151,30 +161,19 @@ class FogTechnique(Technique):
         parts.draws.revision += 1
         parts.draws.binding = parts.draws.binding._replace(frame=parts.data.binding(frame.slot).frame)
 
-    @property
-    def _noise(self) -> NoisePass:
-        noise = self.passes["fog_noise"]
-        assert isinstance(noise, NoisePass), noise
-        return noise
-
-    @property
-    def _half(self) -> HalfPass:
-        half = self.passes["fog_half"]
-        assert isinstance(half, HalfPass), half
-        return half
-
     def _share(self) -> float:
         """Return the share of this frame in the history."""
         if self._still >= model.REST_FRAMES:
             return 0.0
         return max(1.0 / (self._age + 1), min(self._knobs.fog_share, 1.0 / (self._still + 1)))
 
-    def _wind(self, time: float) -> tuple[float, ...]:
+    def _wind(self, time: float) -> tuple[float, float, float]:
         """Return the shift of the noise in periods, 0 to 1: wrapped in float64, so that it loses no digits."""
-        if not model.noise_in_use(self._parts.settings):
+        if not self._blows:
             return (0.0, 0.0, 0.0)
-        periods = self._knobs.fog_wind * self._periods * time / math.hypot(*model.WIND)
-        return tuple(axis * periods % 1.0 for axis in model.WIND)
+        periods = self._wind_speed * time / WIND_LENGTH
+        x, y, z = model.WIND
+        return x * periods % 1.0, y * periods % 1.0, z * periods % 1.0
 
     def resting(self, time: float) -> bool:
         """Whether the history stays as it is, and no wind blows."""

@@ -66,11 +66,8 @@ class Descriptors:
         self._device = device
         self._alive: list[Sets] = []
         self._unread: tuple[Image, Texture] | None = None
-
-    @property
-    def set_count(self) -> int:
+        self.set_count = 0
         """The number of live sets."""
-        return sum(len(sets.handles) for sets in self._alive)
 
     def create(self, tables: Sequence[tuple[SetLayout, Mapping[int, Held], str]]) -> Sets:
         """Create one set per (layout, content by binding number, name), from a pool of exactly that size.
@@ -93,6 +90,7 @@ class Descriptors:
         code = fn.vkAllocateDescriptorSets(self._device.handle, allocate, sets)
         vk.check(code, "vkAllocateDescriptorSets", allocate)
         new_sets.handles.extend(sets)
+        self.set_count += len(tables)
         writes = []
         for handle, (layout, content, name) in zip(sets, tables, strict=True):
             self._device.name("VkDescriptorSet", handle, name)
@@ -145,6 +143,7 @@ class Descriptors:
     def destroy(self, sets: Sets) -> None:
         """Free sets; no frame in flight may use them."""
         self._alive.remove(sets)
+        self.set_count -= len(sets.handles)
         self._device.destroy("VkDescriptorPool", sets.pool)
 
     def close(self) -> None:

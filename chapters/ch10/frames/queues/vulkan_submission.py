@@ -149,9 +149,7 @@ class QueueFrames(Recordings):
 
     def _key(self, part: _Part) -> tuple[Any, ...]:
         """Return the keys of a batch's passes: its recording is valid while they stay the same."""
-        return tuple(
-            workload.key(part.commands.index) for _, workload in self._executor.passes_of(part.number)
-        )
+        return tuple(workload.key(part.commands.index) for workload in self._executor.keyed[part.number])
 
     def _record(self, part: _Part, key: Any, commands: Commands, inspection: Inspection | None) -> None:
         slot = part.commands

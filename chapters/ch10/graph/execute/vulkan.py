@@ -78,6 +78,7 @@ class GraphExecutor:
             for step in graph.steps:
                 self._bind_sources(step)
             self._begin_lasting()
+            self._find_keyed()
         except BaseException:
             self.close()
             raise
@@ -151,11 +152,17 @@ class GraphExecutor:
         if step.kind == "compute" and gpu_pass.sources is not None:  # before the old pass is replaced
             check_sources(step, gpu_pass, self.graph)
         self._passes[name] = gpu_pass
+        self._find_keyed()
         if name in self._sets:
             self._descriptors.destroy(self._sets.pop(name))
         for ready in self._of(name):
             ready.sources = None
         self._bind_sources(next(step for step in self.graph.steps if step.name == name))
+
+    def _find_keyed(self) -> None:
+        workload = [[gpu_pass for _, gpu_pass in self.passes_of(batch)] for batch in range(len(self.batches))]
+        self.keyed = [[it for it in passes if type(it).key is not Pass.key] for passes in workload]
+        """The passes of each batch whose recordings depend on something."""
 
     # --- recording ---
 
