@@ -33,7 +33,7 @@ from common.view.camera import View
 from .cloth.technique import ClothTechnique
 from .clusters.technique import ClusterTechnique
 from .culling.technique import CullingTechnique
-from .fog.technique import FogTechnique
+from .fog.technique import SHADERS, FogTechnique
 from .frames.frame import SOURCES, Frame, reset_by
 from .graph.file import graph_path, read_graph
 from .graph.passes import make_passes
@@ -156,6 +156,7 @@ class Renderer(GraphStream):
         rebuilt = self._api.reload(changed)
         if rebuilt:
             self._frames.forget()
+            self.techniques[FogTechnique.name].reset(SHADERS)
         return replace(self._reloaded(rebuilt, changed), graph=graph)
 
     def _free(self) -> None:

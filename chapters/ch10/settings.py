@@ -50,6 +50,9 @@ class Settings(Grouped):
             "environment_detail": 0.5,
             "table_size": 32,
             "msaa": 1,
+            "fog_columns": 64,
+            "fog_rows": 36,
+            "fog_slices": 32,
         },
         "medium": {"anisotropy": 4.0, "color_format": "rgba16f", "msaa": 1},
         "high": {
@@ -58,6 +61,9 @@ class Settings(Grouped):
             "environment_detail": 0.25,
             "irradiance_source": 64,
             "msaa": AtMost(4),
+            "fog_columns": 192,
+            "fog_rows": 108,
+            "fog_slices": 96,
         },
         "reference": {
             "anisotropy": 16.0,
@@ -67,6 +73,10 @@ class Settings(Grouped):
             "table_size": 128,
             "table_samples": 4096,
             "msaa": AtMost(8),
+            "fog_columns": 192,
+            "fog_rows": 108,
+            "fog_slices": 96,
+            "fog_format": "rgba32f",
         },
         # The limit of "Mastering Graphics Programming with Vulkan": light ids of 8 words a tile.
         "book": {"anisotropy": 4.0, "color_format": "rgba16f", "msaa": 1, "most_lights": 256},

@@ -301,6 +301,15 @@ def test_too_bright_a_medium_and_too_many_boxes_are_refused(chapter):
         chapter.open(foggy(LAMP, medium=Medium(boxes=boxes)), SIZE, BASE)
 
 
+@pytest.mark.feature("fog/inject-box")
+@pytest.mark.parametrize("half", [-1.0, float("nan"), float("inf")])
+def test_a_box_of_no_size_is_refused(chapter, half):
+    """A froxel is never inside such a box, and a way of light would cross it."""
+    box = FogBox((0.0, 0.0, 0.0), (1.0, half, 1.0), 0.1)
+    with pytest.raises(UserError, match="Half the size of fog box 0 is"):
+        chapter.open(foggy(LAMP, medium=Medium(boxes=(box,))), SIZE, BASE)
+
+
 def test_a_grid_beyond_the_device_is_refused(chapter):
     most = chapter.device.capabilities.limits["maxImageDimension3D"]
     with pytest.raises(UnsupportedError, match="froxels is more than this device holds"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +14,8 @@ from common.numerics.transforms import pose_looking_at
 from common.scene import FogBox, Medium
 from common.settings import replaced
 from common.view.camera import Perspective, View
+from tests.support.cloth_runs import VIEW as CLOTH_VIEW
+from tests.support.cloth_scenes import cloth, cloth_scene_of
 from tests.support.fog import FULL, LAYERS, SIZE, VIEW, foggy, grid_of
 from tests.support.shadows import point
 from tests.twins import fog_grid
@@ -102,6 +105,66 @@ def test_a_view_rests_once_its_shadow_maps_do(chapter, monkeypatch):
             rounds.append(len(renderer.techniques["shadows"]._pass.schedule.faces) > 0)
     last = max(i for i, any_ in enumerate(rounds) if any_)
     assert not any(idle[: last + 5]) and idle[-1]
+
+
+@pytest.mark.feature("fog/temporal-filter")
+def test_a_view_at_rest_follows_its_shaders_and_its_graph(chapter, scene, monkeypatch):
+    """What is not dispatched any more would stay that of the old kernels, and of a filter that is switched off."""
+    monkeypatch.setattr(model, "REST_FRAMES", 2)
+
+    def rested(renderer):
+        for _ in range(40):
+            work = renderer.render(VIEW).work["dispatches"]
+            if renderer.idle(VIEW):
+                break
+        return work, renderer.render(VIEW).work["dispatches"]
+
+    with chapter.open(
+        scene, SIZE, replaced(BASE, fog_spatial=True, fog_noise=0.5, fog_wind=0.0), outputs={"color"}
+    ) as renderer:
+        first = renderer.render(VIEW).work["dispatches"]
+        running, resting = rested(renderer)
+        assert resting < running == first - 1  # the noise is made once
+        monkeypatch.setattr(renderer._api, "reload", lambda changed: ("fog_scatter",))
+        renderer.reload_shaders({Path("fog/scatter.comp")})
+        assert not renderer.idle(VIEW)
+        assert renderer.render(VIEW).work["dispatches"] == first and not renderer.idle(VIEW)
+        assert rested(renderer) == (running, resting)
+        filtered = renderer.render(VIEW).image("color")
+        renderer.switch_pass("fog_spatial", False)
+        rested(renderer)
+        plain = renderer.render(VIEW).image("color")
+    assert not np.array_equal(filtered, plain)
+
+
+@pytest.mark.feature("fog/temporal-filter")
+def test_a_view_rests_once_its_cloth_does(chapter, monkeypatch):
+    """Time goes on, and what could move with it does not: no frame is drawn for its number alone."""
+    monkeypatch.setattr(model, "REST_FRAMES", 4)
+    fabric = replace(cloth_scene_of(cloth(damping_per_s=30)), medium=Medium(extinction=0.1))
+    settings = replaced(BASE, cloth_substeps=4)
+    with chapter.open(fabric, SIZE, settings, outputs={"color"}) as renderer:
+        found = []
+        for number in range(200):
+            renderer.render(CLOTH_VIEW, number / 60)
+            cloth_rests, fog_rests = (
+                renderer.techniques[name].resting((number + 1) / 60) for name in ("cloth", "fog")
+            )
+            found.append((cloth_rests, fog_rests))
+            if renderer.idle(CLOTH_VIEW, (number + 1) / 60):
+                break
+    moving = [fog_rests for cloth_rests, fog_rests in found if not cloth_rests]
+    assert len(moving) > 4 and not any(moving) and found[-1] == (True, True)
+
+
+@pytest.mark.feature("fog/temporal-filter")
+def test_a_medium_out_of_view_is_not_waited_for(chapter):
+    medium = Medium(boxes=(FogBox((0.0, 0.5, 0.0), (0.7, 0.7, 0.7), 0.5),))
+    away = View(pose_looking_at((3.0, 2.5, 4.0), (6.0, 4.0, 8.0)), Perspective(0.9, 0.05))
+    with opened(chapter, foggy(LAMP, medium=medium)) as renderer:
+        for view, rests in ((VIEW, False), (away, True), (VIEW, False)):
+            renderer.render(view)
+            assert renderer.techniques["fog"].resting(0.0) == rests
 
 
 @pytest.mark.feature("fog/temporal-filter")

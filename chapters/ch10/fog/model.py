@@ -91,6 +91,9 @@ def check(scene: Scene, settings: Any) -> None:
     for name, value in quantities.items():
         if not 0.0 <= value < math.inf:
             raise UserError(f"{name} is {value:g}: it is a number per metre, 0 or more.")
+    for i, box in enumerate(medium.boxes):
+        if not all(0.0 <= half < math.inf for half in box.half_size):
+            raise UserError(f"Half the size of fog box {i} is {box.half_size}: it is metres, 0 or more.")
     for albedo in (medium.albedo, *(box.albedo for box in medium.boxes)):
         if not all(0.0 <= value <= 1.0 for value in albedo):
             raise UserError(f"The albedo of fog is {albedo}: it is a share from 0 to 1 in each channel.")

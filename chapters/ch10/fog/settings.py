@@ -52,7 +52,7 @@ class FogSettings:
     )
     fog_near: float = knob(
         0.01,
-        "depth at which the second slice begins",
+        "depth from which on the ratio of slices counts: the end of slice s of N is near * (far / near)^((s + 1) / N)",
         unit="length scales",
         minimum=1e-6,
         maximum=1e6,

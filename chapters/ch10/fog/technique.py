@@ -22,6 +22,9 @@ from .passes import FOG_PASSES, LIT, FogPass, HalfPass, InjectPass, NoisePass, r
 
 WIND_LENGTH = math.hypot(*model.WIND)
 
+SHADERS = "shaders"
+"""The reason of a reset after a reload: kernels of a view at rest would not run again by themselves."""
+
 HALF_WITHOUT_EFFECT = (
     "fog_half has no effect without a G-buffer: the depth of surfaces is not known before they are lit."
 )
@@ -50,7 +53,8 @@ class FogTechnique(Technique):
         self._noise_sent = self._visible = False
         self._passes: Any = None
         self._shadows: Any = None
-        self._drawn = 0
+        self._cloth: Any = None
+        self._drawn, self._moment = 0, 0.0
 
     def create(self, parts: PassParts, backend: Backend, passes: Mapping[str, Pass]) -> None:
         """Make the passes, and the memory, which becomes a part of the scene's bindings."""
@@ -115,8 +119,9 @@ class FogTechnique(Technique):
         if self._shadows is not None and len(self._shadows.schedule.faces):
             self._drawn += 1  # the last frame drew shadow maps, which froxels read
         wind, was_visible = self._wind(frame.time), self._visible
-        moment = frame.time if self._moves else 0.0
-        state = frame.view, moment, wind, dict(self.scene.revision), self._drawn
+        if self._moves or (self._cloth is not None and self._cloth.busy(frame.time)):
+            self._moment = frame.time  # that of the last frame in which something moved
+        state = frame.view, self._moment, wind, dict(self.scene.revision), self._drawn
         if state == self._state:
             self._still += 1
         else:
@@ -141,7 +146,12 @@ class FogTechnique(Technique):
             self._show_store(frame)
         named = {gpu_pass.name: gpu_pass for gpu_pass in frame.passes}
         self._passes, self._size = frame.passes, frame.size
-        self._moves, self._shadows = bool(self.scene.animations) or "cloth" in named, named.get("shadows")
+        self._moves, self._shadows, self._cloth = (
+            bool(self.scene.animations),
+            named.get("shadows"),
+            named.get("cloth"),
+        )
+        self._state = None  # without a filter, as an example: kernels of a view at rest run again
         self._half.size = frame.size
         columns = -(-frame.size[0] // 2) if "fog_half" in named else 0
         self._block["places"] = 0, self._places.froxels, self._places.pixels, columns
@@ -179,12 +189,14 @@ class FogTechnique(Technique):
         """Whether the history stays as it is, and no wind blows."""
         if self._memory is None or self._state is None:
             return True
-        rests = not self._knobs.fog_temporal or self._still >= model.REST_FRAMES
+        rests = self._still >= model.REST_FRAMES or not (self._knobs.fog_temporal and self._visible)
         return rests and self._wind(time) == self._state[2]
 
     def reset(self, reason: str) -> None:
-        """Begin the history anew."""
+        """Begin the history anew; with other shaders the noise, too."""
         self._age, self._state = 0, None
+        if reason == SHADERS:
+            self._noise.due, self._noise_sent = True, False
 
     def close(self) -> None:
         """Free the memory."""
