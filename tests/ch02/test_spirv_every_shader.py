@@ -139,6 +139,7 @@ GIVEN_FROM_9 = {
     "SURFACE": 0.1,
     "TILE": 16,
 }
+GIVEN_FROM_10 = {"FOG_BOXES": 16, "FORMAT": "rgba16f", "RESULT_BINDING": 2}
 GIVEN_IN: dict[str, dict[str, int | float | str | None]] = {
     "ssao": {"STEP": "ivec2(1, 0)"},
     "rates": {
@@ -164,8 +165,11 @@ GIVEN_IN: dict[str, dict[str, int | float | str | None]] = {
     },
     "sparse_texture": {"SPARSE": 1, "TILE": 128, "ACROSS": 8},
     "sparse_buffer": {"WORDS": 16384, "PLACES": 64},
+    "fog": {"FOG": 1, "NOISE_SIZE": 64, "RADIUS": None},  # a radius is a constant here
+    "blue_noise": {"SIZE": 128, "WAYS": 3, "KINDS": 6, "NOISES": 3, "IMAGES": 9},
+    "phase_functions": {"OCTAVES": 32, "NODES": 16, "POINTS": 512, "LOBES": 8},
 }
-"""The same in folders of chapters 7 to 9, where others have other things of these names; None where it is not given."""
+"""The same in folders of chapters 7 to 10, where others have other things of these names; None where it is not given."""
 VIEWS = 13
 OWN = ("GL_", "INCLUDED_", "VIEW_OF")  # macros that are not the host's
 
@@ -185,6 +189,7 @@ def built(path, defines):
         (GIVEN_FROM_7, "ch07"),
         (GIVEN_FROM_8, "ch08"),
         (GIVEN_FROM_9, "ch09"),
+        (GIVEN_FROM_10, "ch10"),
         *((it, "ch07") for folder, it in GIVEN_IN.items() if folder in own),
     ]
     host: dict[str, int | float | str | None] = {}

@@ -78,6 +78,7 @@ def test_fog_at_a_surface_is_that_up_to_its_depth(chapter, graph):
     assert np.abs(foggy_light - wrong).max() > 1e-3 * truth.max()
 
 
+@pytest.mark.core
 @pytest.mark.feature("fog/apply", "fog/medium")
 def test_surfaces_are_dimmed_by_beer_lambert_at_their_own_depth(chapter):
     """A picture of surfaces that shine by themselves in a medium that only absorbs, at the default grid.

@@ -91,6 +91,7 @@ def test_one_lamp_in_a_layered_medium(chapter, anisotropy):
     assert np.allclose(volume[sure], truth[sure], rtol=3e-4, atol=1e-12)
 
 
+@pytest.mark.core
 @pytest.mark.feature("fog/light-scattering")
 def test_light_from_everywhere_has_no_direction(chapter):
     grid, volume = frame_of(chapter, foggy(LAMP), LIGHT, ambient=30.0)
@@ -157,6 +158,7 @@ def test_light_of_lists_is_that_of_all_lights(chapter, lists):
 # --- filters ---
 
 
+@pytest.mark.core
 @pytest.mark.feature("fog/spatial-filter")
 def test_a_slice_is_averaged_in_all_four_channels(chapter):
     scene = foggy(LAMP, medium=LAYERS)

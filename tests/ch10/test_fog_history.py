@@ -42,6 +42,7 @@ def volumes(renderer, view):
     return [frame.image(name).astype(np.float64) for name in (LIGHT, HISTORY)]
 
 
+@pytest.mark.core
 @pytest.mark.feature("fog/temporal-filter")
 def test_a_still_view_is_the_mean_of_its_frames(chapter, scene):
     """The first frame has no history; each later one is a part of 1 / n of their mean."""
