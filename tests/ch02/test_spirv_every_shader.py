@@ -169,7 +169,7 @@ GIVEN_IN: dict[str, dict[str, int | float | str | None]] = {
     "blue_noise": {"SIZE": 128, "WAYS": 3, "KINDS": 6, "NOISES": 3, "IMAGES": 9},
     "phase_functions": {"OCTAVES": 32, "NODES": 16, "POINTS": 512, "LOBES": 8},
 }
-"""The same in folders of chapters 7 to 10, where others have other things of these names; None where it is not given."""
+"""The same in folders of chapters 7 to 10, whose things of these names are others; None where it is not given."""
 VIEWS = 13
 OWN = ("GL_", "INCLUDED_", "VIEW_OF")  # macros that are not the host's
 

@@ -10,6 +10,7 @@ import pytest
 from chapters import scenes
 from chapters.ch10.benches import fog, fog_scenes
 from chapters.ch10.benches.fog_truth import FogTruth, Rays, eye_rays
+from chapters.ch10.clusters.lights import LightRecords
 from chapters.ch10.fog import model
 from chapters.ch10.settings import Settings
 from common.reports.benches import Effort
@@ -174,7 +175,9 @@ def test_a_homogeneous_box_is_that_of_a_path_tracer(chapter, anisotropy):
     plain, rays, drawn, _ = pictures(chapter, scene, 2, **unfiltered, **knobs)
     found, *_ = pictures(chapter, scene, 6, shadows="on", **knobs)
     lights = [
-        FogTruth(scene, HAZE, lights_of(scene), anisotropy, blocked=blocked).light(some(rays, drawn))
+        FogTruth(scene, HAZE, lights_of(scene, LightRecords), anisotropy, blocked=blocked).light(
+            some(rays, drawn)
+        )
         for blocked in (None, in_cube(scene))
     ]
     shade = 1 - (lights[1] / lights[0])[:, 0]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from chapters.ch10.benches.fog_truth import FogTruth, Rays, eye_rays
+from chapters.ch10.clusters.lights import LightRecords
 from tests.support.fog import HAZE, LAYERS, VIEW, foggy, in_cube, lights_of, twin_of
 from tests.support.shadows import point, spot, sun
 from tests.twins import fog as twin
@@ -34,7 +35,7 @@ def test_two_quadratures_agree(medium, g):
     """Kinks of the lamp's way behind a box are in no panel's end: they leave some 1e-4 in both."""
     scene = foggy(LAMP, medium=medium)
     rays = rays_of(scene)
-    truth = FogTruth(scene, medium, lights_of(scene), g)
+    truth = FogTruth(scene, medium, lights_of(scene, LightRecords), g)
     lamp = twin.Light(tuple(LAMP[1][:3, 3]), (60.0,) * 3)
     light, seen = twin.single_scattering(
         rays.origins + scene.origin, rays.directions, rays.lengths, twin_of(medium), lamp, g, 24, 32
@@ -46,7 +47,7 @@ def test_two_quadratures_agree(medium, g):
 def test_light_from_everywhere_is_a_closed_form():
     scene = foggy(medium=HAZE)
     rays = rays_of(scene)
-    truth = FogTruth(scene, HAZE, lights_of(scene), 0.6, ambient=5.0)
+    truth = FogTruth(scene, HAZE, lights_of(scene, LightRecords), 0.6, ambient=5.0)
     light = 5.0 * -np.expm1(-HAZE.extinction * rays.lengths)[:, None] * np.array(HAZE.albedo)
     assert np.allclose(truth.light(rays), light, rtol=1e-9)
 
@@ -65,7 +66,7 @@ def test_shadows_are_those_of_a_brute_sum(light):
     """Of 20,000 midpoints, each of which asks whether the cube is in its way."""
     scene = foggy(light, medium=HAZE)
     rays = rays_of(scene, 12)
-    records = lights_of(scene)
+    records = lights_of(scene, LightRecords)
     found = FogTruth(scene, HAZE, records, 0.6, blocked=in_cube(scene, EDGE)).light(rays)
     open_ = FogTruth(scene, HAZE, records, 0.6).light(rays)
     assert ((found < 0.98 * open_).any(axis=1).sum()) >= 3  # rays go through the shadow

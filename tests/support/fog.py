@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from chapters.ch10.clusters.lights import LightRecords
 from common.numerics.transforms import pose_looking_at
 from common.scene import FogBox, Medium, Scene
 from common.scene.pose import evaluate_pose
@@ -117,11 +116,12 @@ def noise_volume(renderer: Any) -> Float64:
     return values
 
 
-def lights_of(scene: Scene) -> np.ndarray:
-    """Return the LIGHT records of a scene, as chapter 10 packs them."""
-    records = LightRecords(scene, 0.0, 64)
+def lights_of(scene: Scene, kind: Callable[[Scene, float, int], Any]) -> np.ndarray:
+    """Return the LIGHT records of a scene, as a chapter packs them: `kind` is its LightRecords."""
+    records = kind(scene, 0.0, 64)
     records.follow()
-    return records.at(evaluate_pose(scene, 0.0))
+    packed: np.ndarray = records.at(evaluate_pose(scene, 0.0))
+    return packed
 
 
 def in_cube(scene: Scene, edge: float = 1.0) -> Callable[[Float64, Float64], NDArray[np.bool_]]:

@@ -130,7 +130,8 @@ def pytest_arguments(words: list[str]) -> list[str]:
             continue
         name = f"ch{int(word):02d}" if word.isascii() and word.isdigit() else word
         if name not in known:
-            near = suggest(name, [*known, *folders.beside()])
+            full = re.sub(r"\Ach(\d)\Z", r"ch0\1", name)  # nearer to ch01 than to ch10
+            near = suggest(full, [*known, *folders.beside()])
             raise UserError(f"There are no tests called {word!r}{near}{'' if near.endswith('?') else '.'}")
         chapter = re.fullmatch(r"ch(\d\d)", name)
         paths = chapter_arguments(int(chapter[1])) if chapter else [path_of(name)]
