@@ -46,6 +46,7 @@ from .scene.pass_parts import PassParts
 from .scene.scene_draws import SceneDrawLists
 from .shading.views import shown_exposure
 from .shadows.technique import ShadowTechnique
+from .taa.technique import TaaTechnique
 from .transparency.technique import TransparencyTechnique
 from .visibility.technique import VisibilityTechnique
 
@@ -63,6 +64,7 @@ class Renderer(GraphStream):
         VisibilityTechnique,
         ShadowTechnique,
         RateTechnique,
+        TaaTechnique,
     )
     """The work of each subject outside its passes. A lesson adds a folder, and one line here."""
 

@@ -70,5 +70,9 @@ void main() {
 #ifdef VERTEX_COLOR
     out_color = fetch4(streams[1].y, vertex);
 #endif
+#ifdef STEADY_VIEW  // without the jitter
+    gl_Position = clip_position(frame.steady_clip_from_view, frame.view_from_world, world);
+#else
     gl_Position = clip_position(frame.clip_from_view, frame.view_from_world, world);
+#endif
 }
