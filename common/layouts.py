@@ -63,7 +63,11 @@ RECORDS: dict[str, tuple[Member, ...]] = {
         *(Member("mat4", name, doc) for name, doc in _MATRICES),
         *(Member("mat4", f"previous_{name}", f"of the frame before: {doc}") for name, doc in _MATRICES),
         Member("vec4", "eye", "xyz: the camera; w: length scale of the scene, metres"),
-        Member("vec4", "previous_eye", "xyz: the camera of the frame before; w: share of this frame in the colour history"),
+        Member(
+            "vec4",
+            "previous_eye",
+            "xyz: the camera of the frame before; w: share of this frame in the colour history",
+        ),
         Member(
             "vec4",
             "origin",

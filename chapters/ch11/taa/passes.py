@@ -46,7 +46,9 @@ class TaaPass(Pass):
     def create(self) -> None:
         """Build the pipeline."""
         defines = model.resolve_defines(self._settings)
-        self.pipelines = self._pipelines.get([ComputeDescription("taa/resolve.comp", defines, name=self.name)])
+        self.pipelines = self._pipelines.get(
+            [ComputeDescription("taa/resolve.comp", defines, name=self.name)]
+        )
 
     def record(self, commands: Commands) -> None:
         """Record the kernel over all pixels."""

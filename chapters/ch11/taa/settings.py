@@ -44,9 +44,7 @@ class TaaSettings:
     taa_gamma: float = knob(
         1.0, "half the edges of the box of a variance, in standard deviations", minimum=0, maximum=8
     )
-    taa_weight: str = knob(
-        "difference", "what the shares of frame and history depend on", choices=WEIGHTS
-    )
+    taa_weight: str = knob("difference", "what the shares of frame and history depend on", choices=WEIGHTS)
     taa_ycocg: bool = knob(True, "whether boxes have axes along luminance and two differences of colour")
     taa_tolerance: float = knob(
         0.02,
@@ -61,8 +59,9 @@ class TaaSettings:
     jitter: str = knob("halton", "sequence of the shifts of the projection", choices=SEQUENCES)
     jitter_period: int = knob(8, "frames after which the sequence repeats", minimum=1, maximum=64)
     mip_bias: float = knob(
-        0.0, "added to the level of textures; -0.25 is usual with temporal anti-aliasing", minimum=-4, maximum=4
+        0.0,
+        "added to the level of textures; -0.25 is usual with temporal anti-aliasing",
+        minimum=-4,
+        maximum=4,
     )
-    steady_uv: bool = knob(
-        False, "whether textures are looked up where they would be without jitter"
-    )
+    steady_uv: bool = knob(False, "whether textures are looked up where they would be without jitter")
