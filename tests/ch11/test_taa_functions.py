@@ -67,7 +67,7 @@ def test_ycocg_is_the_matrix_and_comes_back(either_device):
     inverse = np.linalg.inv(twin.YCOCG)
     assert units(got["other"], double(signed) @ inverse.T, 3 * peak) <= 2.5
     grey = (rgb == rgb[:, :1]).all(axis=1)
-    assert grey.sum() > 300
+    assert grey.sum() > 300 and (got["there"][~grey, 1:] != 0).any(axis=1).all()
     assert (got["there"][grey, 1:] == 0).all() and np.array_equal(got["back"][grey], rgb[grey])
 
 
@@ -298,6 +298,8 @@ def test_without_variance_only_the_mean_is_left(either_device):
     for number in (3, 4):
         kept = constrained(either_device, number, color[::-1], color, color, color, still)
         assert np.array_equal(kept, color)
+        wide = constrained(either_device, number, color[::-1], 0 * color, color + 1, color, color + 1)
+        assert not np.array_equal(wide, color)
 
 
 # --- weights ----------------------------------------------------------------------------------------------------------
@@ -319,7 +321,6 @@ def luminance(values, ycocg):
     return np.maximum(double(values)[:, 0] if ycocg else double(values) @ twin.BT709, 0.0)
 
 
-@pytest.mark.feature("taa/simple")
 def test_the_base_weights_are_the_share_and_the_rest(either_device):
     color = colors(10)
     share = np.full(len(color), np.float32(0.1))
@@ -362,6 +363,9 @@ def test_one_bright_pixel_counts_by_its_inverse_luminance(either_device, space):
     level = np.float32([0.0, 1.0, 3.0, 99.0, LARGEST])
     one = weighed(either_device, 2, grey(level), grey(0 * level), grey(level), grey(level), share[:5])[:, 0]
     assert np.allclose(one * (1 + level), one[0], rtol=1e-6)
+    assert not np.allclose(
+        weighed(either_device, 0, *(grey(level),) * 4, share[:5]) * (1 + level[:, None]), one[0]
+    )
 
 
 @pytest.mark.feature("taa/luminance-difference-filter")
@@ -395,6 +399,8 @@ def test_a_larger_difference_never_weighs_the_history_more(either_device):
                 weight = weighed(either_device, 3, *pair, now, now, np.full(1000, 0.1))[:, 1]
                 assert (np.diff(weight.astype(np.float64)) <= 2 * UNIT).all()
                 assert weight[0] >= 0.97 - 1e-6
+                # The printed form has the two weights exchanged: its history would weigh least where nothing differs.
+                assert weight[0] > weight[-1] or np.ptp(other) < 1e-7
     odd = weighed(
         either_device, 3, grey([1.0]), grey([0.0]), grey([1.0]), grey([1.0]), [0.1], HISTORY_LEAST=0.5
     )
