@@ -45,7 +45,10 @@ vec3 bilinear(sampler2D image, vec2 uv) {
 // Weights of the four texels -1, 0, 1, 2 at the fraction f of the way from 0 to 1. They reproduce quadratic functions.
 vec4 catmull_rom_weights(float f) {
     return vec4(
-        f * (-0.5 + f * (1.0 - 0.5 * f)), 1.0 + f * f * (-2.5 + 1.5 * f), f * (0.5 + f * (2.0 - 1.5 * f)), f * f * (-0.5 + 0.5 * f)
+        f * (-0.5 + f * (1.0 - 0.5 * f)),
+        1.0 + f * f * (-2.5 + 1.5 * f),
+        f * (0.5 + f * (2.0 - 1.5 * f)),
+        f * f * (-0.5 + 0.5 * f)
     );
 }
 

@@ -1,8 +1,8 @@
 """Sequences of sub-pixel shifts of the picture, in pixels right and down, with a mean of zero over a period.
 
-A renderer adds the shift of a frame to the projection (`common.layouts.fill_frame_constants`). The mean over a period is
-subtracted, because a history that averages whole periods would otherwise show the picture at a shifted place: the first
-four points of Halton alone have a mean of (-0.094, -0.111) pixels.
+A renderer adds the shift of a frame to the projection (`common.layouts.fill_frame_constants`). The mean over a period
+is subtracted, because a history that averages whole periods would otherwise show the picture at a shifted place: the
+first four points of Halton alone have a mean of (-0.094, -0.111) pixels.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from common.numerics.sampling import halton, radical_inverse
+from common.numerics.sampling import radical_inverse
 
 SEQUENCES = ("halton", "r2", "hammersley", "interleaved-gradient")
 
