@@ -381,7 +381,7 @@ class FrameInfo:
     """Whether a subject that settles last does not rest: the frame may be drawn for it alone."""
 
     valid_histories: int = 0
-    """The histories that the frame may use, as bits (`common.layouts.CONSTANTS`); 0 in chapters without a use for it."""
+    """The histories that the frame may use, as bits (`common.layouts.CONSTANTS`); 0 in chapters that do not use it."""
 
 
 class Technique:

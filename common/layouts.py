@@ -71,7 +71,7 @@ RECORDS: dict[str, tuple[Member, ...]] = {
         Member(
             "vec4",
             "origin",
-            "xyz: what was subtracted from every position, metres (for display); w: 1 while the colour history is a mean",
+            "xyz: what was subtracted from every position, metres (for display); w: 1 if the colour history is a mean",
         ),
         Member("vec4", "size", "width and height in pixels, then their inverses"),
         Member("vec4", "ambient", "rgb: luminance that arrives from every direction alike, times exposure"),

@@ -11,6 +11,9 @@ Defines = tuple[tuple[str, int | float | str], ...]
 REST_PERIODS = 4
 """Periods of jitter that a mean covers."""
 
+HALF_SLACK = 5e-4
+"""How far a history of half floats may be outside of a box, in its largest value: they are rounded by 2^-11."""
+
 RESIDUE = 0.05
 """Part of an earlier history in the mean of frames that show the same."""
 
@@ -41,14 +44,17 @@ def resolve_defines(settings: Settings) -> Defines:
         *((("LONGEST", 1),) * (taa.taa_velocity == "longest")),
         *((("TOLERANCE", taa.taa_tolerance),) * (taa.taa_tolerance > 0.0)),
         *((("REACTIVE", taa.taa_reactive),) * (taa.taa_reactive > 0.0)),
+        *((("CLIP_SLACK", HALF_SLACK),) * (taa.taa_format == "rgba16f")),
         ("FORMAT", taa.taa_format),
     )
 
 
 def texture_defines(settings: Settings) -> Defines:
-    """Return the defines of shaders that sample materials: none if textures are looked up as without jitter."""
+    """Return the defines of shaders that sample materials; without a history textures are filtered as ever."""
+    if not in_use(settings):
+        return ()
     bias = (("MIP_BIAS", settings.taa.mip_bias),) * (settings.taa.mip_bias != 0.0)
-    return (*bias, *((("STEADY_UV", 1),) * (settings.taa.steady_uv and in_use(settings))))
+    return (*bias, *((("STEADY_UV", 1),) * settings.taa.steady_uv))
 
 
 class Shares:
