@@ -15,7 +15,6 @@ from common.scene import Animation, AnimationChannel, Deformation, Material
 from common.scene.pose import evaluate_pose
 from common.settings import replaced
 from common.view.camera import Orthographic, Perspective, View
-from tests.support.cloth_runs import AWAY
 from tests.support.cloth_runs import VIEW as CLOTH_VIEW
 from tests.support.cloth_runs import state
 from tests.support.cloth_scenes import cloth, cloth_scene_of, sheet
@@ -23,8 +22,9 @@ from tests.support.culled_frames import ways
 from tests.support.motion import SIZE, assert_close, motions, triangles_of
 from tests.support.scenes import facing, moved, nodes_at, quad_scene, scaled
 from tests.support.shadows import bending, bent, yard
-from tests.support.towns import town
+from tests.support.towns import KINDS, ball, cube, of_shapes
 from tests.twins import motion as twin
+from tests.twins.motion import HALF
 
 pytestmark = pytest.mark.variants("vulkan", "gl")
 
@@ -33,6 +33,9 @@ VIEW = View(pose_looking_at((3.0, 2.5, 4.0), (0.0, 0.8, 0.0)), WIDE)
 ASIDE = View(pose_looking_at((2.9, 2.4, 4.1), (0.1, 0.8, 0.0)), WIDE)
 FRONT = View(pose_looking_at((0.4, 0.3, 4.0), (0.0, 0.1, 0.0)), WIDE)
 FRONT_ASIDE = View(pose_looking_at((0.5, 0.2, 3.9), (0.1, 0.1, 0.0)), WIDE)
+BESIDE = View(pose_looking_at((0.3, -0.3, 2.2), (4.6, -0.3, -0.5)), Perspective(math.radians(50), 0.1))
+"""The eye of CLOTH_VIEW, turned until the cloth is out of view."""
+UNLIT = Material(unlit=True, double_sided=True)
 CUBE = range(1, 7)
 """The nodes of the yard's cube."""
 
@@ -60,8 +63,8 @@ def turned(angle: float, shift=(0.0, 0.0, 0.0)) -> np.ndarray:
     return matrix
 
 
-def move(scene, motion, nodes=CUBE, factor=1.0):
-    """Move nodes in the world by a matrix; its shift is in units of `factor` metres."""
+def move(scene, motion, nodes=CUBE):
+    """Move nodes, of which none is below another one, by a matrix."""
     with scene.edit() as edit:
         for node in nodes:
             edit.set_transform(node, matrix=motion @ scene.nodes.matrix[node])
@@ -75,7 +78,7 @@ def move(scene, motion, nodes=CUBE, factor=1.0):
 @pytest.mark.parametrize("lens", [WIDE, FLAT], ids=["perspective", "orthographic"])
 def test_a_cube_that_moves_and_turns(chapter, view, lens):
     """The world of both frames, then a frame in which the cube has stopped: zero again, or the camera's motion."""
-    scene, before, view = yard(), replace(VIEW, projection=lens), replace(view, projection=lens)
+    scene, before, view = yard(material=UNLIT), replace(VIEW, projection=lens), replace(view, projection=lens)
     with chapter.open(scene, SIZE, outputs={"motion"}) as renderer:
         renderer.render(before)
         then = triangles_of(scene)
@@ -93,7 +96,7 @@ def test_a_cube_that_moves_and_turns(chapter, view, lens):
 
 @pytest.mark.feature("motion-vectors/objects")
 def test_a_reset_a_cut_and_a_resize_have_no_frame_before(chapter):
-    scene = yard()
+    scene = yard(material=UNLIT)
     with chapter.open(scene, SIZE, outputs={"motion"}) as renderer:
         assert not renderer.render(VIEW).image("motion").any()
         for step, begin in enumerate((lambda: renderer.reset_history("a test"), lambda: renderer.resize((40, 30)))):
@@ -110,7 +113,7 @@ def test_a_reset_a_cut_and_a_resize_have_no_frame_before(chapter):
 @pytest.mark.feature("motion-vectors/objects")
 def test_where_the_point_was_behind_the_camera_the_vector_leaves_the_picture(chapter):
     """The cube jumps through the camera; what was behind it has a finite vector from outside of the picture."""
-    scene = yard()
+    scene = yard(material=UNLIT)
     with chapter.open(scene, SIZE, outputs={"motion", "instance_id"}) as renderer:
         behind = np.array(VIEW.world_from_view[:3, 2]) * 3 + VIEW.world_from_view[:3, 3] - (0.0, 1.0, 0.0)
         move(scene, turned(0.0, tuple(behind)))
@@ -121,7 +124,7 @@ def test_where_the_point_was_behind_the_camera_the_vector_leaves_the_picture(cha
     assert cube.sum() > 50 and not seen[~cube].any()
     assert (seen[cube] == model.FARTHEST).all()
     view = View(pose_looking_at((3.0, 2.5, 4.0), (6.0, 4.2, 8.0)), WIDE)  # the camera turns round
-    for vectors in motions(chapter, yard(), [view, VIEW])[1:]:
+    for vectors in motions(chapter, yard(material=UNLIT), [view, VIEW])[1:]:
         assert np.isfinite(vectors).all() and (np.abs(vectors).max(axis=-1) > 1).mean() > 0.9
 
 
@@ -132,7 +135,7 @@ def test_where_the_point_was_behind_the_camera_the_vector_leaves_the_picture(cha
 def test_in_a_world_far_away_or_of_another_size(chapter, way):
     name, by = way
     change = {"moved": moved, "scaled": scaled}[name]
-    base = yard()
+    base = yard(material=UNLIT)
     _, before = change(base, VIEW, by)
     scene, view = change(base, ASIDE, by)
     placed = np.diag((by, by, by, 1.0)) if name == "scaled" else np.eye(4)
@@ -154,6 +157,11 @@ def test_in_a_world_far_away_or_of_another_size(chapter, way):
 # --- deforming meshes ---
 
 
+def leaning():
+    """Return the square that bends, without lights."""
+    return replace(bending(), lights=[], materials=[UNLIT])
+
+
 def bent_between(view, before, now, then):
     return twin.motion(view, before, SIZE, bent(now), bent(then))
 
@@ -163,7 +171,7 @@ def test_a_skin_that_bends(chapter):
     """Each frame knows the vertices of the one before; at the same time again, zero to the bit."""
     times = [0.0, 0.1, 0.25, 0.25, 0.25, 0.4, 0.45]
     views = [FRONT, FRONT, FRONT_ASIDE, FRONT_ASIDE, FRONT_ASIDE, FRONT, FRONT]
-    seen = motions(chapter, bending(), views, times)
+    seen = motions(chapter, leaning(), views, times)
     for k in range(1, len(times)):
         if (views[k], times[k]) == (views[k - 1], times[k - 1]):
             assert not seen[k].view(np.uint32).any()
@@ -173,7 +181,7 @@ def test_a_skin_that_bends(chapter):
 
 @pytest.mark.feature("motion-vectors/objects")
 def test_a_skin_after_a_reset(chapter):
-    with chapter.open(bending(), SIZE, outputs={"motion"}) as renderer:
+    with chapter.open(leaning(), SIZE, outputs={"motion"}) as renderer:
         for time in (0.0, 0.1, 0.2):
             renderer.render(FRONT, time)
         renderer.reset_history("a test")
@@ -185,7 +193,7 @@ def test_a_skin_after_a_reset(chapter):
 
 def morphing():
     """Return a square whose right edge is pulled along x by one target and towards the eye by another."""
-    scene = quad_scene(Material(double_sided=True))
+    scene = quad_scene(UNLIT)
     right = (scene.positions[:, :1] > 0).astype(np.float32)
     targets = np.stack([right * np.float32((0.5, 0, 0)), right * np.float32((0, 0.25, 0.5))])
     nodes = nodes_at(np.eye(4))
@@ -219,10 +227,10 @@ def test_morph_targets(chapter):
 @pytest.mark.parametrize("execution", ["group", "dispatch"])
 def test_cloth_that_falls(chapter, execution):
     """Vertices are the particles, which the test reads back after each frame."""
-    scene = cloth_scene_of(cloth(pins=(0,)), matrices=(np.eye(4),))
+    scene = cloth_scene_of(cloth(pins=(0,)), light=False, material=UNLIT)
     _, triangles = sheet(5, 5)
     settings = Settings(cloth_step=1 / 60, cloth_execution=execution)
-    times = [k / 60 for k in range(6)] + [5 / 60, 5 / 60]
+    times = [k / 60 for k in range(4)] + [3 / 60, 3 / 60]
     with chapter.open(scene, SIZE, settings, outputs={"motion"}) as renderer:
         then = None
         for k, time in enumerate(times):
@@ -239,51 +247,56 @@ def test_cloth_that_falls(chapter, execution):
 @pytest.mark.feature("motion-vectors/objects")
 def test_cloth_that_comes_into_view_has_no_vertices_before(chapter):
     """Vertices out of view are not written: without a rule, the first vector would be that of many frames."""
-    scene = cloth_scene_of(cloth(pins=(0,)), matrices=(np.eye(4),))
+    scene = cloth_scene_of(cloth(pins=(0,)), light=False, material=UNLIT)
     _, triangles = sheet(5, 5)
-    with chapter.open(scene, SIZE, Settings(), outputs={"motion"}) as renderer:
-        for k in range(8):
-            renderer.render(CLOTH_VIEW if k < 2 else AWAY, k / 60)
-        renderer.render(AWAY, 20 / 60)
-        now = state(renderer).astype(np.float64)[triangles]
-        seen = renderer.render(CLOTH_VIEW, 21 / 60).image("motion")
-        still, after = now, state(renderer).astype(np.float64)[triangles]
-        away, ahead = np.asarray(AWAY.world_from_view), np.asarray(CLOTH_VIEW.world_from_view)
-        assert not np.array_equal(away, ahead) and np.isfinite(seen).all()
-        shown = np.array(seen)
-        truth, owner, certain = twin.motion(CLOTH_VIEW, AWAY, SIZE, after, after)
-        assert_close(shown, truth, owner, certain)
-        seen = renderer.render(CLOTH_VIEW, 22 / 60).image("motion")
-        later = state(renderer).astype(np.float64)[triangles]
-        assert_close(seen, *twin.motion(CLOTH_VIEW, CLOTH_VIEW, SIZE, later, after))
-        assert still.shape == later.shape
+    with chapter.open(scene, SIZE, outputs={"motion"}) as renderer:
+        for k in range(6):
+            renderer.render(CLOTH_VIEW if k < 2 else BESIDE, 2 * k / 60)
+        corners = []
+        for k, before in enumerate((BESIDE, CLOTH_VIEW)):
+            seen = renderer.render(CLOTH_VIEW, (11 + k) / 60).image("motion")
+            corners.append(state(renderer).astype(np.float64)[triangles])
+            assert renderer.techniques["cloth"].cloth.known()[1].all() == (k > 0)
+            truth = twin.motion(CLOTH_VIEW, before, SIZE, corners[-1], corners[0])
+            assert_close(seen, *truth)
+            assert (truth[1] >= 0).sum() > 100
 
 
 # --- paths ---
 
 
-def town_frames(chapter, **knobs):
-    """Return motion of frames of a town in which every third object moves, under a camera that walks."""
-    scene = town()
+def crowd():
+    """Return balls, cubes and masked balls, some of them mirrored, in front of a wall."""
+    rng = np.random.default_rng(3)
+    kinds = [replace(material, unlit=True) for material in KINDS]
+    mesh = rng.integers(0, 3, 20)
+    matrices = np.zeros((20, 4, 4))
+    for number, matrix in enumerate(matrices):
+        linear = np.linalg.qr(rng.normal(size=(3, 3)))[0] * rng.uniform(0.3, 0.8)
+        matrix[:3, :3], matrix[3, 3] = linear * (-1 if number % 4 == 3 else 1), 1
+        matrix[:3, 3] = rng.uniform((-3, -1, -6), (3, 2, 1))
+    matrices[0] = np.diag((5.0, 4.0, 0.1, 1.0))
+    matrices[0, :3, 3], mesh[0] = (0, 0, -7), 1
+    return of_shapes([ball(), cube(), ball(6, 9)], [0, 0, 2], mesh, matrices, tuple(kinds))
+
+
+def crowd_frames(chapter, **knobs):
+    """Return motion of frames in which every second object moves, under a camera that walks."""
+    scene = replace(crowd(), lights=[])
     seen = []
-    with chapter.open(scene, SIZE, Settings(**knobs), outputs={"motion", "instance_id"}) as renderer:
-        for k in range(4):
-            eye = np.array((-9.0 + 0.3 * k, 1.2, 8.0 - 0.2 * k))
-            view = View(pose_looking_at(eye, (1.0, 0.5, -2.0)), Perspective(0.9, 0.05))
-            frame = renderer.render(view)
-            seen.append((frame.image("motion"), frame.image("instance_id")))
-            with scene.edit() as edit:
-                for node in range(6, 60, 3):
-                    matrix = scene.nodes.matrix[node].copy()
-                    matrix[:3, 3] += (0.05, 0.02, -0.03)
-                    edit.set_transform(node, matrix=matrix)
+    with chapter.open(scene, SIZE, Settings(shadows="off", **knobs), outputs={"motion"}) as renderer:
+        for k in range(3):
+            view = View(pose_looking_at((0.2 * k, 1.0, 4.0 - 0.2 * k), (0.0, 0.2, -2.0)), Perspective(0.9, 0.05))
+            seen.append(renderer.render(view).image("motion"))
+            for node in range(1, 20, 2):
+                move(scene, turned(0.02 * node, (0.05, 0.02, -0.03)), [node])
     return seen
 
 
 @pytest.fixture(scope="module")
 def expected(chapter):
     """Return motion of the classic draws of the deferred graph."""
-    return town_frames(chapter, culling="off", geometry="classic", graph="deferred")
+    return crowd_frames(chapter, culling="off", geometry="classic", graph="deferred")
 
 
 @pytest.mark.feature("motion-vectors/objects")
@@ -292,22 +305,23 @@ def test_every_path_draws_the_same_motion(chapter, expected, path):
     knobs = PATHS[path]
     if knobs.get("geometry", "classic") not in ways(chapter):
         pytest.skip("the device lacks this geometry")
-    assert sum((motion != 0).any() for motion, _ in expected) == 3
-    for number, (drawn, wanted) in enumerate(zip(town_frames(chapter, **knobs), expected, strict=True)):
-        assert np.array_equal(drawn[1], wanted[1]), number
-        assert np.array_equal(drawn[0], wanted[0]), f"{number}: {np.abs(drawn[0] - wanted[0]).max()}"
+    assert [bool(motion.any()) for motion in expected] == [False, True, True]
+    # Meshlets begin their triangles with other corners, so interpolation rounds in another order: by a half at most.
+    half = 1.0 if path == "mesh" else 0.0
+    for number, (drawn, wanted) in enumerate(zip(crowd_frames(chapter, **knobs), expected, strict=True)):
+        assert (np.abs(drawn - wanted) <= half * (2 * HALF * np.abs(wanted) + 2.0**-24)).all(), number
 
 
 @pytest.mark.feature("motion-vectors/objects")
 @pytest.mark.parametrize("knobs", [{"graph": "forward", "msaa": 4}, {"graph": "deferred"}], ids=str)
 def test_a_skin_on_other_paths(chapter, knobs):
-    seen = motions(chapter, bending(), [FRONT] * 3, (0.0, 0.1, 0.25), settings=Settings(**knobs))
+    seen = motions(chapter, leaning(), [FRONT] * 3, (0.0, 0.1, 0.25), settings=Settings(**knobs))
     assert_close(seen[2], *bent_between(FRONT, FRONT, 0.25, 0.1))
 
 
 @pytest.mark.feature("motion-vectors/camera")
 def test_without_a_reader_no_pass_of_motion_exists(chapter):
-    with chapter.open(yard(), SIZE, outputs={"color"}) as renderer:
+    with chapter.open(yard(material=UNLIT), SIZE, outputs={"color"}) as renderer:
         renderer.render(VIEW)
         assert not {"motion", "motion_objects"} & {it.name for it in renderer.passes}
         assert "motion_objects" not in renderer.render(ASIDE).work
