@@ -22,6 +22,7 @@ from tools.cli.lessons import next_
 from tools.cli.options import (
     Backend,
     Camera,
+    CameraPath,
     Compress,
     Environment,
     Runnable,
@@ -121,13 +122,18 @@ def run(
     size: Size = "1280x720",
     frames: Annotated[
         int | None,
-        typer.Option(metavar="K", help="Stop after K frames; a file gets the last.", show_default=False),
+        typer.Option(
+            metavar="K",
+            help="Stop after K frames; a file gets the last, or with --path all.",
+            show_default=False,
+        ),
     ] = None,
     out: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Write .png (as shown) or .exr (linear light, depth, ids), without a window.",
+            help="Write .png (as shown) or .exr (linear light, depth, ids), without a window; with --path .webp, .gif "
+            "or .png that move, or numbered pictures: a folder, or a name with %04d.",
             show_default=False,
         ),
     ] = None,
@@ -139,6 +145,7 @@ def run(
             show_default=False,
         ),
     ] = None,
+    path: CameraPath = None,
     ev: Annotated[
         float | None,
         typer.Option(
@@ -204,6 +211,7 @@ def run(
         frames=frames,
         out=out,
         camera=camera,
+        path=path,
         quality=quality,
         overrides=tuple(set_ or ()),
         view=view,
