@@ -47,11 +47,12 @@ class _Kind:
 
 
 FILMS = {
-    ".webp": _Kind("WEBP", 16383, 90.0, 1, 3, 8 << 30, {"lossless": True, "quality": 50, "method": 1}),
+    ".webp": _Kind("WEBP", 16383, 90.0, 1, 3, 8 << 30, {"lossless": True, "quality": 0, "method": 0}),
     ".gif": _Kind("GIF", 65535, 50.0, 10, 1, 2 << 30, {}),
     ".png": _Kind("PNG", 65535, 90.0, 1, 3, 8 << 30, {}),
 }
-"""Formats by suffix. WebP and PNG keep every code; GIF has 256 colours a frame."""
+"""Formats by suffix. WebP and PNG keep every code; GIF has 256 colours a frame. WebP is written with the least effort:
+more makes a file half as large in ten times the time."""
 
 
 def check_film(path: Path, frames: int, size: tuple[int, int], per_second: float) -> None:

@@ -332,6 +332,7 @@ def compare(
     ] = None,
     environment: Environment = "none",
     camera: Camera = None,
+    path: CameraPath = None,
     ev: Annotated[
         float | None,
         typer.Option(metavar="EV100", help="Exposure; without it that of the scene.", show_default=False),
@@ -347,7 +348,7 @@ def compare(
         int | None,
         typer.Option(
             metavar="K",
-            help="Draw K frames on a running clock and compare the last; without it, one moment.",
+            help="Draw K frames on a running clock and compare the last, or with --path all; without it, one moment.",
             show_default=False,
         ),
     ] = None,
@@ -367,7 +368,11 @@ def compare(
     ] = "auto",
     out: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Where A, B and the map go, as .png.", show_default=False),
+        typer.Option(
+            metavar="FILE",
+            help="Where A, B and the map go, as .png; with --path the worst frame, or all of them as .webp or .gif.",
+            show_default=False,
+        ),
     ] = None,
     json: Annotated[
         Path | None, typer.Option(metavar="FILE|-", help="Write the record; - prints it.", show_default=False)
@@ -384,6 +389,7 @@ def compare(
         scene=scene,
         environment=environment,
         camera=camera,
+        path=path,
         ev100=ev,
         size=None if size is None else running.parse_size(size),
         time=time,

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import chapters
+from backends.contract import check_time
 from common import images
 from common.errors import UserError
 from common.images.films import FILMS, check_film, write_film
@@ -51,10 +52,11 @@ def check(request: Request) -> None:
     """Raise UserError for what is wrong with a request for a path before anything is opened."""
     assert request.path is not None
     _, count = planned(request.path, request.frames, request.fps)
+    check_time(request.time + (count - 1) / request.fps, "With --path and --fps the last --time")
     if request.watch:
         raise UserError("--watch writes one picture, and --path many: leave one of them out.")
     if request.out is None:
-        check_count(Path("a.webp"), count, request)
+        check_film(Path(f"{file_name(request.path)}.webp"), count, request.size, request.fps)
         return
     pattern = numbered(request.out)
     if pattern is None:
@@ -63,18 +65,24 @@ def check(request: Request) -> None:
                 f"--out {request.out} is no animation: name {', '.join(FILMS)}, a folder, or numbered pictures such as "
                 "frame-%04d.png."
             )
-        check_count(request.out, count, request)
+        check_film(request.out, count, request.size, request.fps)
         return
     if len(_NUMBER.findall(pattern.name)) > 1:
         raise UserError(f"--out {request.out} has more than one number: write %04d once.")
     if count > MOST_NUMBERED:
-        raise UserError(f"--frames {count} are too many pictures: at most {MOST_NUMBERED} are numbered.")
+        raise UserError(f"{count} frames are too many pictures: at most {MOST_NUMBERED} are numbered.")
     images.check_writable(picture_path(pattern, 0), (".png", ".exr"))
 
 
-def check_count(target: Path, count: int, request: Request) -> None:
-    """Raise UserError unless the frames fit into an animation."""
-    check_film(target, count, request.size, request.fps)
+def file_name(path: str) -> str:
+    """Return what stands for a path in the name of a file."""
+    words = Path(path).stem if path.lower().endswith(".json") else path
+    return re.sub(r"[^\w.=,-]+", "-", words)[:80]
+
+
+def spoken(files: list[str]) -> str:
+    """Return which files were written, as the end of a sentence."""
+    return files[0] if len(files) == 1 else f"{len(files)} pictures, {files[0]} to {files[-1]}"
 
 
 def record(request: Request, renderer: Renderer, log: Log, target: Path, steps: Any) -> list[str]:
@@ -95,6 +103,8 @@ def record(request: Request, renderer: Renderer, log: Log, target: Path, steps: 
 
     pattern = numbered(target)
     files = []
+    if request.out is None:
+        target.parent.mkdir(exist_ok=True)
     if pattern is None:
         write_film(target, (frame.image("color") for frame in drawn()), count, request.fps)
         files.append(str(target))

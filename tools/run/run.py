@@ -318,13 +318,10 @@ def draw(request: Request, began: float) -> int:
         )
         with opener() as renderer:
             log = Log(request, renderer, preset_name)
-            if request.out is None:
-                target.parent.mkdir(exist_ok=True)
             if request.path is not None:
                 log.pictures = recording.record(request, renderer, log, target, steps)
             else:
                 view, time = draw_last(request, renderer, log, steps, target)
-                log.pictures = [str(target)]
             opening.finish(steps.of("cache", 0.9, 1.0))
             steps.finish()
             log.start = {**steps.times, "total": clock.perf_counter() - began}
@@ -334,12 +331,8 @@ def draw(request: Request, began: float) -> int:
             if request.verbose:
                 log.show()
             what = f"{studies.spoken(request.chapter)}, {scene.name}"
-            where = (
-                target
-                if len(log.pictures) == 1
-                else f"{len(log.pictures)} pictures, {log.pictures[0]} to {log.pictures[-1]}"
-            )
-            say(f"{what}, {request.size[0]}x{request.size[1]}, {log.device}: wrote {where}")
+            wrote = recording.spoken(log.pictures)
+            say(f"{what}, {request.size[0]}x{request.size[1]}, {log.device}: wrote {wrote}")
             tell_warnings(scene, request.verbose, told)  # of what was loaded meanwhile
             opening.report(request.verbose)
             if request.watch:
@@ -362,7 +355,10 @@ def draw_last(
         for frame in until_idle(renderer, view, time):
             log.add(frame)
     steps("write", 0.9)
+    if request.out is None:
+        target.parent.mkdir(exist_ok=True)
     write_picture(target, frame)
+    log.pictures = [str(target)]
     return view, time
 
 
@@ -372,10 +368,7 @@ def default_picture(request: Request) -> Path:
         raise UserError(f"Nothing can be written to {Path.cwd()}: say --out FILE.png.")
     name = studies.picture_name(request.chapter, request.scene)
     if request.path is not None:
-        words = re.sub(
-            r"[^\w.=,-]+", "-", Path(request.path).stem if request.path.endswith(".json") else request.path
-        )
-        return Path("out") / f"{name}-{words[:80]}.webp"
+        return Path("out") / f"{name}-{recording.file_name(request.path)}.webp"
     return Path("out") / f"{name}-{request.view}.png" if request.view else Path("out") / f"{name}.png"
 
 
