@@ -190,7 +190,9 @@ class CameraPath:
 
     def frames(self, fps: float) -> int | None:
         """Return how many frames a file's path has, to its last key pose; None for a named path, which has no end."""
-        return None if self.keys is None else math.floor(self.keys.times[-1] * fps * (1 + 1e-12)) + 1
+        if self.keys is None:
+            return None
+        return math.floor(min(self.keys.times[-1] * fps * (1 + 1e-12), 1e15)) + 1  # nobody waits for so many
 
     def view(self, stage: Stage, frame: int, fps: float) -> View:
         """Return the view of a frame; lens and exposure are those of the start."""

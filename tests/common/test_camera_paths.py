@@ -176,6 +176,7 @@ def test_key_poses_are_met_and_held_before_and_after(tmp_path):
         np.testing.assert_allclose(view.world_from_view, pose_looking_at(eye, target), atol=1e-14)
         assert (view.projection, view.ev100) == (seen.start.projection, 3.0)
     assert way.frames(60.0) == 181 and way.frames(4.0) == 13
+    assert way.frames(1e300) == 10**15 + 1
     assert parse_path("walk").frames(60.0) is None
 
 
