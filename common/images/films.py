@@ -1,7 +1,7 @@
 """Films: animations in files, as WebP, GIF or PNG, and what each of them can hold.
 
 Frames are taken one after the other while the file is written, and what is kept of them is bounded: of WebP all frames
-are kept compressed, of GIF with a byte a pixel, of PNG one.
+are kept compressed, of GIF all frames with a byte a pixel, of PNG a single frame.
 """
 
 from __future__ import annotations
@@ -130,8 +130,8 @@ class _Frames(PillowImage.Image):
         if frame >= self.n_frames:
             raise EOFError(frame)
         while self._at < frame:
-            made = PillowImage.fromarray(next(self._pictures))
-            self.im, self._mode, self._size = made.im, made.mode, made.size
+            picture = PillowImage.fromarray(next(self._pictures))
+            self.im, self._mode, self._size = picture.im, picture.mode, picture.size
             self._at += 1
 
 
@@ -166,10 +166,10 @@ def _chunk(kind: bytes, data: bytes) -> bytes:
 
 def _chunks(png: bytes) -> dict[bytes, bytes]:
     """Return the contents of a PNG's chunks by name; those of one name are joined, as IDAT is meant to be."""
-    found: dict[bytes, bytes] = {}
+    contents: dict[bytes, bytes] = {}
     at = len(_SIGNATURE)
     while at < len(png):
         (size,), kind = struct.unpack(">I", png[at : at + 4]), png[at + 4 : at + 8]
-        found[kind] = found.get(kind, b"") + png[at + 8 : at + 8 + size]
+        contents[kind] = contents.get(kind, b"") + png[at + 8 : at + 8 + size]
         at += 12 + size
-    return found
+    return contents

@@ -74,19 +74,19 @@ def frame_error(
     `light` are both in linear light, of which the relative squared error is taken.
     """
     a, b = _pair(image, reference)
-    found = None
+    seen = None
     if flip:
         try:
-            found = metrics.flip_mean(image, reference)
+            seen = metrics.flip_mean(image, reference)
         except UserError:  # the package is not there
-            found = None
+            seen = None
     linear = light or (a / CODES, b / CODES)
     return FrameError(
         frame,
         float(np.abs(a - b).max()),
         psnr(image, reference),
         metrics.relative_mse(linear[0], linear[1]),
-        found,
+        seen,
     )
 
 
@@ -112,7 +112,7 @@ class OverTime:
 
     def worst(self) -> FrameError:
         """Return the first frame with the largest FLIP, or where that is the same or unknown, with the least PSNR."""
-        return max(self.errors, key=lambda one: (one.flip or 0.0, -one.psnr))
+        return max(self.errors, key=lambda error: (error.flip or 0.0, -error.psnr))
 
     def mean(self) -> dict[str, float | None]:
         """Return means over frames by the names of `FrameError`, and "flicker" over pairs of them.
@@ -120,12 +120,12 @@ class OverTime:
         PSNR is that of the mean squared difference of all frames, which a frame without any does not make infinite.
         """
         count = len(self.errors)
-        noise = math.fsum(10.0 ** (-one.psnr / 10.0) for one in self.errors) / count
-        flips = [one.flip for one in self.errors if one.flip is not None]
+        noise = math.fsum(10.0 ** (-error.psnr / 10.0) for error in self.errors) / count
+        flips = [error.flip for error in self.errors if error.flip is not None]
         return {
-            "max_abs": math.fsum(one.max_abs for one in self.errors) / count,
+            "max_abs": math.fsum(error.max_abs for error in self.errors) / count,
             "psnr": math.inf if noise == 0.0 else -10.0 * math.log10(noise),
-            "relative_mse": math.fsum(one.relative_mse for one in self.errors) / count,
+            "relative_mse": math.fsum(error.relative_mse for error in self.errors) / count,
             "flip": math.fsum(flips) / len(flips) if flips else None,
             "flicker": math.fsum(self.flicker) / len(self.flicker) if self.flicker else None,
         }
@@ -161,10 +161,10 @@ def flicker_between(before: Float64, after: Float64) -> float:
 
 def flicker(frames: Iterable[Array], references: Iterable[Array]) -> float:
     """Return the mean of `flicker_over_time`, in codes. Raises ValueError for fewer than two frames."""
-    found = list(flicker_over_time(frames, references))
-    if not found:
+    changes = list(flicker_over_time(frames, references))
+    if not changes:
         raise ValueError("flicker is between frames: there must be two at least")
-    return math.fsum(found) / len(found)
+    return math.fsum(changes) / len(changes)
 
 
 @dataclass(frozen=True)

@@ -109,7 +109,8 @@ def keys_of(document: Any, file: str) -> KeyPoses:
         raise UserError(
             f'{file} has no key poses: write {{"keys": [{{"time": 0, "eye": [3, 2, 5], "target": [0, 1, 0]}}]}}.'
         )
-    times, poses = [], []
+    times: list[float] = []
+    poses: list[Float64] = []
     for index, key in enumerate(keys):
         place = f"{file}: keys[{index}]"
         if not isinstance(key, dict):

@@ -192,7 +192,7 @@ class CameraPath:
         """Return how many frames a file's path has, to its last key pose; None for a named path, which has no end."""
         if self.keys is None:
             return None
-        return math.floor(min(self.keys.times[-1] * fps * (1 + 1e-12), 1e15)) + 1  # nobody waits for so many
+        return math.floor(min(self.keys.times[-1] * fps * (1 + 1e-12), 1e15)) + 1  # a float holds that
 
     def view(self, stage: Stage, frame: int, fps: float) -> View:
         """Return the view of a frame; lens and exposure are those of the start."""
@@ -224,9 +224,9 @@ def parse_path(text: str) -> CameraPath:
     name, colon, rest = text.partition(":")
     if name in KINDS:
         kind = KINDS[name]
-        given = _values(name, kind, rest) if colon else {}
+        changed = _values(name, kind, rest) if colon else {}
         return CameraPath(
-            text, kind, {key: given.get(key, value.usual) for key, value in kind.values.items()}
+            text, kind, {key: changed.get(key, value.usual) for key, value in kind.values.items()}
         )
     file = Path(text)
     if file.suffix.lower() == ".json" or "/" in text or os.sep in text:
@@ -238,7 +238,7 @@ def parse_path(text: str) -> CameraPath:
 
 def _values(name: str, kind: Kind, text: str) -> dict[str, float]:
     """Return the values in a text such as "speed=0.1,turn=0"."""
-    found: dict[str, float] = {}
+    values: dict[str, float] = {}
     for item in filter(None, (part.strip() for part in visible(text).split(","))):
         key, equals, number = (part.strip() for part in item.partition("="))
         if key not in kind.values:
@@ -246,13 +246,13 @@ def _values(name: str, kind: Kind, text: str) -> dict[str, float]:
             raise UserError(f"The path {name} has no value {key!r}{near}{'' if near.endswith('?') else '.'}")
         value = kind.values[key]
         try:
-            given = float(number) if equals else math.nan
+            wanted = float(number) if equals else math.nan
         except ValueError:
-            given = math.nan
-        if not value.least <= given <= value.most:  # a NaN is not
+            wanted = math.nan
+        if not value.least <= wanted <= value.most:  # a NaN is not
             raise UserError(
                 f"The path {name} cannot have {item!r}: {key} is a number from {value.least:g} to {value.most:g}, "
                 f"{value.what}."
             )
-        found[key] = given
-    return found
+        values[key] = wanted
+    return values

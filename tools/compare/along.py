@@ -141,7 +141,7 @@ def _sheets(
         made = _sheet_of(found, a, b, request, over.flicker[-1] if over.flicker else 0.0)
         height = height or made.shape[0]
         if made.shape[0] < height:
-            below = np.broadcast_to(np.uint8(PAPER), (height - made.shape[0], made.shape[1], 3))
+            below = np.broadcast_to(np.array(PAPER, np.uint8), (height - made.shape[0], made.shape[1], 3))
             made = np.concatenate([made, below])
         yield made[:height]
 
