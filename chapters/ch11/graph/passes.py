@@ -7,7 +7,9 @@ from backends.contract import Pass
 from ..post.bokeh import BokehPass
 from ..post.circle_of_confusion import CircleOfConfusionPass
 from ..post.depth_of_field import DepthOfFieldPass
+from ..post.fxaa import FxaaPass
 from ..post.resolve import ResolvePass
+from ..post.sharpen import SharpenPass
 from ..post.tonemap import TonemapPass
 from ..rates.blocks import BlockLightingPass, PixelLightingPass, RateDepthPass, RateSpreadPass
 from ..rates.passes import RateEdgesPass, RateMaskPass
@@ -49,6 +51,8 @@ def make_passes(parts: PassParts) -> dict[str, Pass]:
         InstanceIdPass(parts),
         ResolvePass(parts),
         RateEdgesPass(parts),
+        SharpenPass(parts),
         TonemapPass(parts),
+        FxaaPass(parts),
     )
     return {gpu_pass.name: gpu_pass for gpu_pass in passes}
