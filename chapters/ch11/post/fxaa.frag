@@ -1,7 +1,7 @@
 // Smoothing of edges in the finished picture: pixels with contrast are shifted across their edge by less than a pixel.
 //
 // Where both directions of an edge, or both sides of a pixel, are alike, no order of pixels decides: the pixel becomes the
-// mean of the two shifts.
+// mean of the two shifts. What differs by no more than roundings is alike.
 
 #include "fxaa.glsl"
 #include "post/finish.glsl"
@@ -9,6 +9,8 @@
 layout(SOURCE(0)) uniform sampler2D color_toned;
 
 layout(location = 0) out vec4 out_color;
+
+const float ALIKE = 1e-5;
 
 vec3 code_at(ivec2 pixel) {
     return texelFetch(color_toned, clamp(pixel, ivec2(0), textureSize(color_toned, 0) - 1), 0).rgb;
@@ -31,7 +33,7 @@ vec3 shifted(ivec2 pixel, ivec2 side, vec3 code, float detail) {
         for (int i = 1; i <= STEPS; ++i) {
             at += way == 0 ? along : -along;
             float away = 0.5 * (luma_at(at) + luma_at(at + side)) - mean;
-            if (abs(away) >= change) {
+            if (abs(away) >= change - ALIKE) {
                 ends[way] = float(i);
                 bent[way] = (away < 0.0) != (own < mean);
                 break;
@@ -54,17 +56,17 @@ void main() {
         vec2 bends = fxaa_bends(around);
         vec4 sum = vec4(0.0);
         for (int axis = 0; axis < 2; ++axis) {
-            if (bends[axis] < max(bends.x, bends.y)) {
+            if (bends[axis] < max(bends.x, bends.y) - ALIKE) {
                 continue;
             }
             ivec2 side = axis == 0 ? ivec2(0, 1) : ivec2(1, 0);
             float before = abs(around[axis == 0 ? 1 : 3] - around[4]);
             float after = abs(around[axis == 0 ? 7 : 5] - around[4]);
             vec4 of_axis = vec4(0.0);
-            if (before >= after) {
+            if (before >= after - ALIKE) {
                 of_axis += vec4(shifted(pixel, -side, code, detail), 1.0);
             }
-            if (after >= before) {
+            if (after >= before - ALIKE) {
                 of_axis += vec4(shifted(pixel, side, code, detail), 1.0);
             }
             sum += of_axis;

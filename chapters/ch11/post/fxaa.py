@@ -15,7 +15,7 @@ class FxaaPass(FullscreenPass):
     """One triangle over the whole picture, after the tone curve; it then is the last pass. See shaders/fxaa.glsl."""
 
     name = "fxaa"
-    writes = (Access("color", "color", format="rgba8"),)
+    writes = (Access("color", "color", format="rgba8", instead=finish.TONED),)
 
     def __init__(self, parts: PassParts) -> None:
         super().__init__(parts)
