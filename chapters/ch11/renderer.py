@@ -6,7 +6,7 @@
                deferred: gbuffer, or visibility and visibility_resolve; ssao; lighting
                forward:  one pass of that name, and resolve with several samples a pixel
                and behind either: transparent, or the passes of layers -> color_hdr, depth; three passes of a lens,
-               exposure and bloom -> color_focused; tonemap -> color; instance_id, if requested
+               exposure and bloom -> color_focused; tonemap -> color; instance_id and motion, if requested
     copy       copy the requested outputs to the CPU
 
 The frame is a graph (graph/frame_graph.py), compiled when its structure changes. The passes, their order and the
@@ -40,6 +40,7 @@ from .graph.passes import make_passes
 from .graph.plan import FramePlan, check_samples, graph_name
 from .graph.stream import GraphStream
 from .hdr.technique import HdrTechnique
+from .motion.technique import MotionTechnique
 from .rates.native import settled
 from .rates.technique import RateTechnique
 from .scene.pass_parts import PassParts
@@ -63,6 +64,7 @@ class Renderer(GraphStream):
         VisibilityTechnique,
         ShadowTechnique,
         RateTechnique,
+        MotionTechnique,
     )
     """The work of each subject outside its passes. A lesson adds a folder, and one line here."""
 
@@ -76,7 +78,9 @@ class Renderer(GraphStream):
         self._data, self._pipelines, self._frames = api.data, api.pipelines, api.frames
         self._begin_stream()
         self._draws = SceneDrawLists(scene, self._data, api.by_address)
-        self._parts = PassParts(scene, settings, self._data, self._draws, self._pipelines, limits)
+        self._parts = PassParts(
+            scene, settings, self._data, self._draws, self._pipelines, limits, self.outputs
+        )
         passes = make_passes(self._parts)
         for technique in self.techniques.values():
             technique.create(self._parts, api, dict(passes))

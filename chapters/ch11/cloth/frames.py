@@ -125,6 +125,8 @@ class ClothFrames:
         """Mark the vertices of all slots as outdated: their buffers were replaced."""
         count = len(self.cloths)
         self._slots = [_Slot(np.full(count, -1, np.int64)) for _ in range(SLOTS)]
+        self.known: NDArray[np.bool_] = np.zeros(count, bool)
+        """(C,) Whether the other slots have the vertices of the frame before."""
 
     # --- every frame ---
 
@@ -193,8 +195,10 @@ class ClothFrames:
             self._stones = stones
         before, self._held = self._held, after
         self._made += steps
-        self._version += (steps > 0) | begin
         slot_state = self._slots[slot]
+        shown = [it.shows == self._version for it in self._slots if it is not slot_state]
+        self.known = np.all(shown, axis=0)
+        self._version += (steps > 0) | begin
         write = self._seen(view, aspect) & (slot_state.shows != self._version)
         slot_state.shows[write] = self._version[write]
         slot_state.mark, slot_state.tested, slot_state.simulated = clock.mark(), steps > 0, self._made.copy()

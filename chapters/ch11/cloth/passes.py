@@ -40,7 +40,7 @@ from .types import State
 VERTICES = "cloth_vertices"
 """The name of the pass's resource in the graph: the vertices of all cloths."""
 
-READERS = ("depth_prepass", "gbuffer", "forward", "transparent", "instance_id", "visibility", RESOLVE)
+READERS = ("depth_prepass", "gbuffer", "forward", "transparent", "instance_id", "visibility", "motion_objects", RESOLVE)
 """The passes that draw objects."""
 
 STATE = ("positions", "velocities")
@@ -135,6 +135,11 @@ class ClothPass(Pass):
         """Return the boxes (2, 3) of cloths in the world by instance, NaN where they are unknown."""
         instances = self._cloth_scene.instances.tolist()
         return dict(zip(instances, self.frames.boxes(), strict=True)) if self.frames else {}
+
+    def known(self) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+        """Return the instances of cloths, and for which of them another slot has the vertices of the frame before."""
+        assert self.frames is not None, "the scene has cloth"
+        return self._cloth_scene.instances, self.frames.known
 
     def needed(self, scene: Scene, settings: Settings) -> bool:  # type: ignore[override]
         """Whether the scene had cloth when the renderer was opened."""

@@ -69,6 +69,8 @@ class DrawGroup:
     """The pipelines that draw the meshlets of each phase, if mesh shaders do."""
     meshlets: MeshDraw | None = None
     """The mesh shaders of a batch, in place of draw commands."""
+    previous: Any = None
+    """The page of geometry as the frame before drew it, if it is bound; on Vulkan the set of `page` has it, too."""
 
 
 class Commands(Protocol):

@@ -13,10 +13,16 @@ SLOTS = 2
 """Frames in flight. With one slot, CPU and GPU would take turns; a third adds a frame of latency and no speed."""
 
 
-OUTPUTS = ("color", "color_linear", "depth", "instance_id")
+OUTPUTS = ("color", "color_linear", "depth", "instance_id", "motion")
 """The outputs that a frame can have."""
 
-SOURCES = {"color": "color", "color_linear": "color_hdr", "depth": "depth", "instance_id": "instance_id"}
+SOURCES = {
+    "color": "color",
+    "color_linear": "color_hdr",
+    "depth": "depth",
+    "instance_id": "instance_id",
+    "motion": "motion",
+}
 """The target that each output is read from."""
 
 
@@ -117,6 +123,8 @@ def check_outputs(outputs: Any, known: tuple[str, ...], name: str) -> None:
 
 def output_of(name: str, pixels: np.ndarray, exposed: float) -> np.ndarray:
     """Return a target's pixels as output `name`: colours without alpha, and light divided by the exposure."""
+    if name == "motion":
+        return pixels.astype(np.float32)
     if name == "color_linear":
         return pixels[..., :3].astype(np.float32) / np.float32(exposed)
     return pixels[..., :3] if name == "color" else pixels

@@ -21,6 +21,9 @@ from .gl_dispatches import Dispatches
 PAGE_BINDING = 4
 """The storage block of a page of geometry (vertices.glsl)."""
 
+PREVIOUS_BINDING = 5
+"""The storage block of the page as the frame before drew it."""
+
 Textures = tuple[tuple[int, int, int], ...]
 """The textures that a material binds: (unit, view, sampler) of each."""
 
@@ -100,6 +103,8 @@ class Commands(Dispatches):
                 vertex_array = indices
                 fn.glBindVertexArray(vertex_array)
                 bind_buffer(context, "storage", PAGE_BINDING, page)
+                if group.previous is not None:
+                    bind_buffer(context, "storage", PREVIOUS_BINDING, group.previous)
             if group.textures and group.textures is not textures:
                 self.bind_textures(group.textures)
                 textures = group.textures

@@ -282,7 +282,8 @@ class FrameStream:
         self._frames.wait(slot)
         readback = (dict(self._api.readbacks(slot)) | inspected).get(name)
         if readback is None:  # an empty scene has no instances, and no pass that draws them
-            return np.zeros(self.size[::-1], np.uint32 if name == "instance_id" else np.float32)
+            shape = (*self.size[::-1], 2) if name == "motion" else self.size[::-1]
+            return np.zeros(shape, np.uint32 if name == "instance_id" else np.float32)
         if name == "color_linear" and self._data.exposures is not None:
             exposed = self._data.exposures.of_frame(slot.index, exposed)
         return output_of(name, readback.read(), exposed)

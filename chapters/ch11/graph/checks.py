@@ -19,6 +19,7 @@ STORED = {
     "color_linear": ("rgba16f", "rgba32f"),
     "depth": ("d32f",),
     "instance_id": ("r32ui",),
+    "motion": ("rg16f",),
 }
 """The formats in which a frame's outputs can be read."""
 

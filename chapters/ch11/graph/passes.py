@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from backends.contract import Pass
 
+from ..motion.passes import MotionObjectsPass, MotionPass
 from ..post.bokeh import BokehPass
 from ..post.circle_of_confusion import CircleOfConfusionPass
 from ..post.depth_of_field import DepthOfFieldPass
@@ -49,6 +50,8 @@ def make_passes(parts: PassParts) -> dict[str, Pass]:
         BokehPass(parts),
         DepthOfFieldPass(parts),
         InstanceIdPass(parts),
+        MotionPass(parts),
+        MotionObjectsPass(parts),
         ResolvePass(parts),
         RateEdgesPass(parts),
         SharpenPass(parts),

@@ -73,6 +73,8 @@ class SceneData:
         """The memory of shadows, if lights cast any (shadows/memory.py)."""
         self.reordered: Callable[[], bool] = lambda: False
         """Puts triangles into the order that materials ask for by now; returns whether any was in another one."""
+        self.vertices_read_twice = False
+        """Whether the frame after reads a slot's deforming vertices, too (motion/technique.py)."""
         self.fog: Any = None
         """The memory of fog, if there is a medium (fog/memory.py)."""
         self._materials_seen = -1
@@ -91,6 +93,7 @@ class SceneData:
         lists = (
             *lists,
             *index_defines(self._settings),
+            *((("PREVIOUS_WORDS", 1),) if self._scene.deformations else ()),
             *shadow_defines(self._scene, self._settings, self.shadow_places),
             *fog_defines(self._scene, self._settings),
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
 from common.scene import Scene
@@ -24,3 +24,5 @@ class PassParts:
     pipelines: Pipelines
     limits: Mapping[str, int] = field(default_factory=dict)
     """The limits of the device, as in its capabilities."""
+    outputs: Collection[str] = ()
+    """The outputs that can be read."""

@@ -2,6 +2,9 @@
 // buffer serves every mesh and every vertex format, and nothing has to be bound between two draws.
 
 layout(BIND(1, 0, 4), std430) readonly buffer Words_ { uint words[]; };
+#ifdef PREVIOUS_WORDS  // where vertices deform: the page of the other slot, which the frame before has drawn
+layout(BIND(1, 1, 5), std430) readonly buffer Previous_words_ { uint previous_words[]; };
+#endif
 
 vec2 fetch2(uint first, uint vertex) {
     uint at = first + 2u * vertex;

@@ -44,6 +44,14 @@ from .textures.vulkan_materials import ArrayTextures, BindlessTextures, Material
 GEOMETRY = (CORE, "geometryShader")
 """The feature with which fragment shaders may ask for gl_PrimitiveID."""
 
+_READ_BEFORE = (
+    vk.VK_PIPELINE_STAGE_2_VERTEX_SHADER_BIT,
+    vk.VK_ACCESS_2_NONE,
+    vk.VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT,
+    vk.VK_ACCESS_2_TRANSFER_WRITE_BIT,
+)
+"""The frame before reads a slot's vertices as its previous ones, and may still do so."""
+
 FRAME, PAGE, TEXTURES = 0, 1, 2
 """Numbers of the sets: what a frame reads, a page of geometry, the textures (scene, vertices and textures.glsl)."""
 
@@ -217,15 +225,20 @@ class VulkanSceneData(SceneData):
                     held |= {13: self.fog.blocks[index], 14: self.fog.store}
                 frames.append((layouts[FRAME], held, f"frame, slot {index}"))
         paged = [
-            (layouts[PAGE], {0: buffers.get(handle)}, f"page {number}")
-            for copy in self._geometry
-            for number, handle in enumerate(copy if PAGE in layouts else ())
+            (layouts[PAGE], self._held_page(copy, number), f"page {number}")
+            for copy in range(len(self._geometry) if PAGE in layouts else 0)
+            for number in range(len(self.pages))
         ]
         if frames or paged:
             self._sets.append(self._descriptors.create([*frames, *paged]))
             sets = [vk.array("VkDescriptorSet", [handle]) for handle in self._sets[0].handles]
             self._frame_sets = sets[: len(frames)]
             self._page_sets = sets[len(frames) :]
+
+    def _held_page(self, copy: int, number: int) -> dict[int, Held]:
+        """Return a page of geometry, and behind it the same page of the other slot if vertices deform."""
+        turned = (*self._geometry[copy:], *self._geometry[:copy])
+        return {place: self._resources.buffers.get(pages[number]) for place, pages in enumerate(turned)}
 
     # --- created again when a material changes its variant ---
 
@@ -318,6 +331,8 @@ class VulkanSceneData(SceneData):
         if not regions:
             return 0
         fn = self._device.fn
+        if self.vertices_read_twice:
+            fn.vkCmdPipelineBarrier2(commands, barriers(memory=_READ_BEFORE))
         for page, copies in regions.items():
             target = self._resources.buffers.get(copy[page]).handle
             fn.vkCmdCopyBuffer(

@@ -28,6 +28,11 @@ layout(location = 7) flat out uint out_code;  // see unit_code in culling/record
 #ifdef INDEX_CODE
 #include "visibility/base_vertex.glsl"
 #endif
+#ifdef MOTION
+#include "motion/vertex.glsl"
+layout(location = 8) out vec3 out_now;
+layout(location = 9) out vec3 out_shift;
+#endif
 #ifdef TRIANGLE_ID
 layout(location = 7) flat out uint out_index;
 #endif
@@ -49,6 +54,12 @@ void main() {
 #endif
     out_instance = number;
     Instance instance = instance_of(number);
+#ifdef MOTION
+    if (!moves(instance)) {
+        gl_Position = OUTSIDE;
+        return;
+    }
+#endif
     uvec4 streams[2] = meshes[instance.mesh].streams;
     vec3 world = transform_point(instance.world_from_object, fetch3(streams[0].x, vertex));
     out_position = world;
@@ -69,6 +80,11 @@ void main() {
 #endif
 #ifdef VERTEX_COLOR
     out_color = fetch4(streams[1].y, vertex);
+#endif
+#ifdef MOTION
+    vec3 now = clip_now(world);
+    out_now = now;
+    out_shift = clip_shift(now, instance, streams[0].x, vertex);
 #endif
     gl_Position = clip_position(frame.clip_from_view, frame.view_from_world, world);
 }
