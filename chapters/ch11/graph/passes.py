@@ -9,6 +9,7 @@ from ..post.bokeh import BokehPass
 from ..post.circle_of_confusion import CircleOfConfusionPass
 from ..post.depth_of_field import DepthOfFieldPass
 from ..post.fxaa import FxaaPass
+from ..post.motion_blur import MotionBlurPass
 from ..post.resolve import ResolvePass
 from ..post.sharpen import SharpenPass
 from ..post.tonemap import TonemapPass
@@ -54,6 +55,7 @@ def make_passes(parts: PassParts) -> dict[str, Pass]:
         MotionObjectsPass(parts),
         ResolvePass(parts),
         RateEdgesPass(parts),
+        MotionBlurPass(parts),
         SharpenPass(parts),
         TonemapPass(parts),
         FxaaPass(parts),

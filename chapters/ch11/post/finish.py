@@ -45,6 +45,11 @@ def shows_picture(settings: Settings) -> bool:
     return settings.shading.view == PICTURE
 
 
+def has_motion_blur(settings: Settings) -> bool:
+    """Whether the shutter is open for any time."""
+    return settings.finish.motion_blur > 0.0 and shows_picture(settings)
+
+
 def has_fxaa(settings: Settings) -> bool:
     """Whether FXAA is the last pass: the settings want it, and the graph of the frame has the pass."""
     return (
