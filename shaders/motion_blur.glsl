@@ -8,8 +8,8 @@ vec2 smear_of(vec2 motion, vec2 size, float shutter, float longest) {
     return length_px > longest ? way * (longest / length_px) : way;
 }
 
-// The part of another pixel's light that reaches a place so many pixels away: all of it within half of its own way. So
-// nothing that stands still is drawn out over what moves behind it.
-float smear_reaches(vec2 smear, float distance) {
-    return clamp(0.5 * length(smear) + 1.0 - distance, 0.0, 1.0);
+// The part of a pixel's light that reaches a place so many pixels away, by the length of its way: what a box of that length
+// around it covers of the pixel there.
+float smear_reaches(float length_px, float distance) {
+    return clamp(0.5 * length_px + 0.5 - distance, 0.0, 1.0);
 }
