@@ -24,62 +24,87 @@ BASE = Settings(
     **{**FULL, "fog_format": "rgba16f", "fog": False, "graph": "deferred", "background": 0.2, "ambient": 2.0}
 )
 
-EFFECTS = {
-    "sharpen": ({"sharpen": 1.0}, ("sharpen",)),
-    "fxaa": ({"fxaa": True}, ("fxaa",)),
-    "motion blur": ({"motion_blur": 1.0}, ("motion_blur",)),
-    "bloom": ({"bloom": 0.4, "bloom_threshold": 0.0, "bloom_levels": 2}, ("bloom",)),
-    "depth of field": ({"aperture": 0.01, "focus_distance": 2.0, "bokeh_taps": 4}, ("depth_of_field",)),
-    "fog": ({"fog": True}, ()),
-    "dither": ({"dither": 1.0}, ()),
-    "display": ({"display_gamma": 1.4, "display_exposure": 1.5}, ()),
+PASSES = {
+    "sharpen": {"sharpen": 1.0},
+    "motion_blur": {"motion_blur": 1.0},
+    "bloom": {"bloom": 0.4, "bloom_threshold": 0.0, "bloom_levels": 2},
+    "depth_of_field": {"aperture": 0.01, "focus_distance": 2.0, "bokeh_taps": 4},
 }
-"""Knobs of each effect, and the passes that are switched off to leave it out of a frame that was built with it."""
+"""Knobs of effects, by the pass that is switched off to leave the effect out of a frame that was built with it."""
+
+FXAA = {"fxaa": True}
+LAST = {"dither": 1.0, "display_gamma": 1.4, "display_exposure": 1.5}
+"""Knobs of effects within the pass of the tone curve."""
+
+FOG = {"fog": True}
+ALL = {**FOG, **FXAA, **LAST, **{name: it for knobs in PASSES.values() for name, it in knobs.items()}}
+LAMP = point((-1.2, 3.0, 0.8), candela=60.0)
 
 
-def scene():
-    return foggy(point((-1.2, 3.0, 0.8), candela=60.0), medium=HAZE)
+def without(*names):
+    """Return settings with all effects but these."""
+    return replaced(BASE, **{name: value for name, value in ALL.items() if name not in names})
 
 
-def knobs_of(names):
-    return {name: value for effect in names for name, value in EFFECTS[effect][0].items()}
+def two(renderer):
+    """Return the pictures of two frames since a reset, between which the camera turns."""
+    renderer.reset_history("test")
+    return np.stack([renderer.render(view).image("color") for view in VIEWS])
 
 
-def off(names):
-    """Return all knobs of effects with the values that switch them off."""
-    defaults = flat(BASE)
-    return {name: defaults[name] for name in knobs_of(names)}
-
-
-def frames(chapter, settings, switched=(), of=None):
-    """Return the pictures of two frames between which the camera turns, and the names of the passes."""
-    with chapter.open(of or scene(), SIZE, settings) as opened:
-        for name in switched:
-            opened.switch_pass(name, False)
-        pictures = [opened.render(view).image("color") for view in VIEWS]
-        return np.stack(pictures), [step.name for step in opened.graph.steps]
+def frames(chapter, settings, scene=None):
+    """Return the pictures of two frames, and the names of the passes."""
+    scene = foggy(LAMP, medium=HAZE) if scene is None else scene
+    with chapter.open(scene, SIZE, settings) as renderer:
+        return two(renderer), [step.name for step in renderer.graph.steps]
 
 
 @pytest.mark.feature("demo/combined-effects")
-def test_each_effect_switched_off_gives_the_frame_built_without_it(chapter):
-    """Passes are switched off in a frame that has them; other effects are knobs of a frame that was built before."""
-    together, steps = frames(chapter, replaced(BASE, **knobs_of(EFFECTS)))
-    for effect, (_, switched) in EFFECTS.items():
-        others = [name for name in EFFECTS if name != effect]
-        without, fewer = frames(chapter, replaced(BASE, **knobs_of(others)))
-        assert not np.array_equal(together, without), effect
-        if effect == "fog":  # the scene has no medium
-            found, _ = frames(
-                chapter, replaced(BASE, **knobs_of(EFFECTS)), of=yard(point((-1.2, 3.0, 0.8), candela=60.0))
-            )
-        elif switched and effect != "fxaa":
-            found, _ = frames(chapter, replaced(BASE, **knobs_of(EFFECTS)), switched)
-        else:
-            found, names = frames(
-                chapter, replaced(replaced(BASE, **knobs_of(EFFECTS)), **off([effect]))
-            )
-            assert names == fewer
-        assert np.array_equal(found, without), effect
+def test_each_pass_switched_off_gives_the_frame_built_without_its_effect(chapter):
+    """And switched on again the frame with all effects."""
+    with chapter.open(foggy(LAMP, medium=HAZE), SIZE, without()) as renderer:
+        together = two(renderer)
+        for name, knobs in PASSES.items():
+            renderer.switch_pass(name, False)
+            found = two(renderer)
+            built, steps = frames(chapter, without(*knobs))
+            assert [step.name for step in renderer.graph.steps] == steps
+            assert np.array_equal(found, built) and not np.array_equal(together, built), name
+            renderer.switch_pass(name, True)
+        assert np.array_equal(together, two(renderer))
+
+
+@pytest.mark.feature("demo/combined-effects")
+def test_without_fxaa_the_tone_curve_gives_the_picture(chapter):
+    """Its pass is switched off in a frame without dither: that is added by whichever pass is the last.
+
+    Nor is there blur or fog, which leave no edge to smooth.
+    """
+    others = "dither", "fog", "aperture", "motion_blur"
+    with chapter.open(foggy(LAMP, medium=HAZE), SIZE, without(*others)) as renderer:
+        together = two(renderer)
+        renderer.switch_pass("fxaa", False)
+        found = two(renderer)
+    built, _ = frames(chapter, without(*others, "fxaa"))
+    assert np.array_equal(found, built) and not np.array_equal(together, built)
+
+
+@pytest.mark.feature("demo/combined-effects")
+def test_without_fog_the_frame_is_that_of_a_scene_without_a_medium(chapter):
+    off, steps = frames(chapter, without("fog"))
+    none, same = frames(chapter, without(), yard(LAMP))
+    assert steps == same and np.array_equal(off, none)
+
+
+@pytest.mark.long
+@pytest.mark.feature("demo/combined-effects")
+def test_dither_and_display_change_all_effects_together_and_no_pass(chapter):
+    together, steps = frames(chapter, without())
+    plain, same = frames(chapter, without("dither"))
+    assert steps == same and 0 < np.abs(together.astype(int) - plain).max() <= 2
+    assert abs(together.mean() - plain.mean()) < 0.1
+    brighter, same = frames(chapter, without("display_gamma", "display_exposure"))
+    assert steps == same and brighter.mean() < together.mean()
 
 
 @pytest.mark.core
@@ -87,8 +112,9 @@ def test_each_effect_switched_off_gives_the_frame_built_without_it(chapter):
 def test_all_off_is_the_plain_frame(chapter):
     """To the bit, with the same passes, also where effects are off in ways that leave other knobs of theirs set."""
     plain, steps = frames(chapter, BASE)
+    zero = {name: flat(BASE)[name] for name in ALL}
     others = {"motion_blur_taps": 4, "fxaa_steps": 3, "fxaa_contrast": 0.5, "split_at": 0.2}
-    found, same = frames(chapter, replaced(BASE, **{**off(EFFECTS), **others}))
+    found, same = frames(chapter, replaced(replaced(without(), **zero), **{**others, "bokeh_taps": 4}))
     assert steps == same and np.array_equal(plain, found)
     assert not {"sharpen", "fxaa", "motion_blur", "motion", "motion_objects"} & set(steps)
 
@@ -98,6 +124,6 @@ def test_all_off_is_the_plain_frame(chapter):
 def test_a_view_of_a_quantity_shows_none_of_them(chapter, view):
     settings = replaced(BASE, view=view, graph="auto")
     plain, steps = frames(chapter, settings)
-    effects = {**knobs_of(["sharpen", "fxaa", "motion blur", "dither", "display"]), "split": "rows"}
+    effects = {**PASSES["sharpen"], **PASSES["motion_blur"], **FXAA, **LAST, "split": "rows"}
     found, same = frames(chapter, replaced(settings, **effects))
     assert steps == same and np.array_equal(plain, found)
