@@ -21,6 +21,7 @@ from .frames.settings import FrameSettings
 from .graph.settings import GraphSettings
 from .hdr.settings import HdrSettings
 from .loading.settings import LoadingSettings
+from .post.finish_settings import FinishSettings
 from .post.settings import PostSettings
 from .rates.settings import RateSettings
 from .scene.settings import SceneSettings
@@ -137,6 +138,8 @@ class Settings(Grouped):
         "depth_prepass gbuffer_format aperture focus_distance bokeh_taps "
         "light_lists light_loop most_lights "
         "msaa resolve mask_coverage tone_curve tone_white "
+        "motion_blur motion_blur_taps motion_blur_limit sharpen fxaa fxaa_contrast fxaa_detail fxaa_steps "
+        "display_exposure display_gamma dither split split_at "
         "exposure exposure_key exposure_low exposure_high exposure_min_ev exposure_max_ev "
         "adapt_dark_s adapt_bright_s adapt_speed bloom bloom_threshold bloom_levels "
         "ambient default_light light_cutoff background sky "
@@ -165,6 +168,7 @@ class Settings(Grouped):
     queues: QueueSettings = group(QueueSettings)
     shading: ShadingSettings = group(ShadingSettings)
     post: PostSettings = group(PostSettings)
+    finish: FinishSettings = group(FinishSettings)
     environment: EnvironmentSettings = group(EnvironmentSettings)
     frames: FrameSettings = group(FrameSettings)
     loading: LoadingSettings = group(LoadingSettings)

@@ -8,7 +8,10 @@ from ..motion.passes import MotionObjectsPass, MotionPass
 from ..post.bokeh import BokehPass
 from ..post.circle_of_confusion import CircleOfConfusionPass
 from ..post.depth_of_field import DepthOfFieldPass
+from ..post.fxaa import FxaaPass
+from ..post.motion_blur import MotionBlurPass
 from ..post.resolve import ResolvePass
+from ..post.sharpen import SharpenPass
 from ..post.tonemap import TonemapPass
 from ..rates.blocks import BlockLightingPass, PixelLightingPass, RateDepthPass, RateSpreadPass
 from ..rates.passes import RateEdgesPass, RateMaskPass
@@ -52,6 +55,9 @@ def make_passes(parts: PassParts) -> dict[str, Pass]:
         MotionObjectsPass(parts),
         ResolvePass(parts),
         RateEdgesPass(parts),
+        MotionBlurPass(parts),
+        SharpenPass(parts),
         TonemapPass(parts),
+        FxaaPass(parts),
     )
     return {gpu_pass.name: gpu_pass for gpu_pass in passes}

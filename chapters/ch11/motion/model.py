@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
+from ..post.finish import has_motion_blur
 from ..settings import Settings
 from ..taa import model as taa
 
@@ -30,4 +31,4 @@ def in_use(settings: Settings, outputs: Collection[str]) -> bool:
 
     The answer decides the synchronization of deforming vertices: with motion vectors the frame after reads them, too.
     """
-    return MOTION in outputs or taa.in_use(settings)
+    return MOTION in outputs or taa.in_use(settings) or has_motion_blur(settings)

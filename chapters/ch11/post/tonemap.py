@@ -9,6 +9,7 @@ from ..rates import passes as rates
 from ..rates.native import mask_of
 from ..scene.pass_parts import PassParts
 from ..shading.views import tonemap_defines
+from . import finish
 from .fullscreen import FullscreenPass
 
 
@@ -17,13 +18,18 @@ class TonemapPass(FullscreenPass):
 
     name = "tonemap"
     sources = Sources()
-    writes = (Access("color", "color", format="rgba8"),)
 
     def __init__(self, parts: PassParts) -> None:
         super().__init__(parts)
         self._tint = rates.read(parts.settings) if parts.settings.rates.rate_tint else ()
         self._texel = mask_of(parts.settings, parts.limits).texel
         self.reads = (Access("color_hdr", "sampled"), *self._tint)
+        self._last = not finish.has_fxaa(parts.settings)
+        self._format = "rgba8" if self._last else finish.toned_format(parts.settings)
+        self.writes = (Access("color" if self._last else finish.TONED, "color", format=self._format),)
+        if self._last:
+            self.reads = (*self.reads, *finish.last_reads(parts.settings))
+            self.sources = finish.last_sources(parts.settings)
 
     def describe(self) -> PipelineDescription:
         """Return the pipeline."""
@@ -31,9 +37,11 @@ class TonemapPass(FullscreenPass):
             shaders=("post/fullscreen.vert", "post/tonemap.frag"),
             defines=(
                 *tonemap_defines(self._settings),
+                *finish.display_defines(self._settings),
+                *(finish.last_defines(self._settings, self.reads) if self._last else ()),
                 *((("RATE_TEXEL", self._texel),) if self._tint else ()),
             ),
-            color="rgba8",
+            color=self._format,
             depth=None,
             name="tonemap",
         )
