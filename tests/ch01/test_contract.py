@@ -41,6 +41,7 @@ def test_outputs_have_their_shapes_and_types(renderer):
         "color_linear": ((32, 32, 3), np.float32),
         "depth": ((32, 32), np.float32),
         "instance_id": ((32, 32), np.uint32),
+        **({"motion": ((32, 32, 2), np.float32)} if "motion" in OUTPUTS else {}),
     }
 
 
@@ -132,7 +133,8 @@ def test_a_frame_says_why_it_starts_without_history(chapter):
 
 def test_timings_name_the_passes_in_order(renderer):
     frame = renderer.render(facing())
-    assert list(frame.timings) == ["forward", "instance_id", "tonemap"]
+    motion = ["motion", "motion_objects"] if "motion" in OUTPUTS else []
+    assert list(frame.timings) == ["forward", "instance_id", *motion, "tonemap"]
     assert all(milliseconds >= 0.0 for milliseconds in frame.timings.values())
 
 

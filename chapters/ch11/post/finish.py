@@ -1,6 +1,6 @@
 """Which passes finish the picture, and what their shaders are built with.
 
-    color_focused -> motion_blur -> color_blurred -> sharpen -> color_sharp -> tonemap -> color
+    color_bloomed -> motion_blur -> color_blurred -> sharpen -> color_focused -> tonemap -> color
                                                                                tonemap -> color_toned -> fxaa -> color
 
 Motion blur and sharpening work on linear light, before the tone curve. A shutter adds up light, and a lamp that moves
@@ -23,7 +23,7 @@ from .finish_settings import FinishSettings
 
 Defines = tuple[tuple[str, int | float | str], ...]
 
-RAW = "color_focused"
+RAW = "color_bloomed"
 """The picture that the raw part of a split view shows: what the lens gives, before anything finishes it."""
 
 TONED = "color_toned"
