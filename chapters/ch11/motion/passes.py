@@ -74,7 +74,7 @@ class MotionObjectsPass(ObjectsPass):
         return len(scene.instances) > 0
 
     def describe(self, variant: Variant) -> PipelineDescription:
-        """Return the pipeline: one for all opaque materials."""
+        """Return the pipeline: opaque materials share one."""
         shape = shape_alone(variant)
         textures = self._data.texture_defines(shape, shape_alone)
         return PipelineDescription(
