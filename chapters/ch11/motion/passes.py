@@ -37,8 +37,8 @@ class MotionPass(FullscreenPass):
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
-        """Whether the scene has instances; the readers of motion decide whether the pass is used."""
-        return len(scene.instances) > 0
+        """Whether there is a depth: in a scene without instances, some paths have none (shading/instance_id.py)."""
+        return len(scene.instances) > 0 or views.depth_target(settings) == "depth"
 
     def describe(self) -> PipelineDescription:
         """Return the pipeline."""
