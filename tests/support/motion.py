@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from common.scene import Scene
 from common.scene.pose import evaluate_pose
-from common.settings import replaced
 from common.view.camera import View
 from tests.support.chapter import Chapter
 from tests.twins.motion import HALF

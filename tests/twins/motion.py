@@ -26,7 +26,7 @@ def extent(view: View, size: tuple[int, int]) -> Float64:
 
 
 def centres(size: tuple[int, int], jitter: tuple[float, float]) -> tuple[Float64, Float64]:
-    """Return x and y (H, W) of the pixels' centres in a picture without jitter; `jitter` is in pixels, right and down."""
+    """Return x and y (H, W) of pixel centres in a picture without jitter, which is in pixels, right and down."""
     y, x = np.indices((size[1], size[0])) + 0.5
     return x - jitter[0], y - jitter[1]
 
@@ -42,7 +42,9 @@ def rays(
     zero, one = np.zeros_like(x), np.ones_like(x)
     pose = np.asarray(view.world_from_view, np.float64)
     if isinstance(view.projection, Perspective):
-        return np.broadcast_to(pose[:3, 3], (height, width, 3)), np.stack([across, up, -one], -1) @ pose[:3, :3].T
+        return np.broadcast_to(pose[:3, 3], (height, width, 3)), np.stack([across, up, -one], -1) @ pose[
+            :3, :3
+        ].T
     origins = np.stack([across, up, zero], -1) @ pose[:3, :3].T + pose[:3, 3]
     return origins, np.broadcast_to(-pose[:3, 2], (height, width, 3))
 
