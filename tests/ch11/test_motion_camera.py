@@ -67,6 +67,8 @@ def test_each_pixel_has_the_motion_of_its_point(chapter, step, lens):
     (_, seen) = motions(chapter, scene, [before, view])
     corners = triangles_of(scene)
     assert_close(seen, *twin.motion(view, before, SIZE, corners, corners))
+    with pytest.raises(AssertionError):  # previous minus current is another convention
+        assert_close(-seen, *twin.motion(view, before, SIZE, corners, corners))
 
 
 @pytest.mark.feature("motion-vectors/camera")
@@ -93,7 +95,7 @@ def test_jitter_moves_the_picture_and_no_vector(chapter, jittered, lens):
 
 @pytest.mark.feature("motion-vectors/camera")
 def test_a_pan_before_a_plane_is_the_shift_that_a_ruler_gives(chapter):
-    """A plane at distance 2 fills the picture, which is 2 * 2 tan(yfov / 2) * aspect wide there; the eye moves by 0.1."""
+    """A plane at distance 2 fills the picture, 2 * 2 tan(yfov / 2) * aspect wide there; the eye moves by 0.1."""
     wall = quad_scene(UNLIT, matrices=(np.diag((9.0, 9.0, 1.0, 1.0)),))
     before, view = (View(pose_looking_at((x, 0, 2), (x, 0, 0)), WIDE) for x in (0.0, 0.1))
     seen = motions(chapter, wall, [before, view])[1]

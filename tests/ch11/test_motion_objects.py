@@ -86,6 +86,8 @@ def test_a_cube_that_moves_and_turns(chapter, view, lens):
         frame = renderer.render(view)
         seen, work = frame.image("motion"), frame.work
         assert_close(seen, *twin.motion(view, before, SIZE, now, then))
+        with pytest.raises(AssertionError):  # the present model matrix leaves the motion of the camera alone
+            assert_close(seen, *twin.motion(view, before, SIZE, now, now))
         assert work["motion_objects"] == len(CUBE)
         frame = renderer.render(view)
         assert frame.work["motion_objects"] == 0
