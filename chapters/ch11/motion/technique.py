@@ -28,7 +28,7 @@ _READ = Touch("", frozenset({"vertex"}), frozenset({"storage_read"}))
 class MotionTechnique(Technique):
     """Decides in each frame whether the pass of objects draws.
 
-    Vertices that deform exist once per slot, and slots take turns, so the other slot has those of the frame before. Three
+    Vertices that deform exist once per slot, and slots take turns: the other slot has those of the frame before. Three
     cases are exceptions: a frame without history, a frame for which the pages of geometry were replaced, and a cloth
     that comes into view, since the vertices of invisible cloth are not written. In the first two no object has a motion
     of its own in this frame, in the third that cloth has none.
