@@ -85,7 +85,7 @@ def last_defines(settings: Settings, reads: tuple[Access, ...]) -> Defines:
     if knobs.split == "off":
         return dither
     (raw,) = (number for number, access in enumerate(reads) if access.resource == RAW)
-    axis = "x" if knobs.split == "columns" else "y"
+    axis = ("columns", "rows").index(knobs.split)
     return (*dither, ("SPLIT", axis), ("SPLIT_AT", knobs.split_at), ("RAW", raw))
 
 
