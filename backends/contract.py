@@ -380,6 +380,9 @@ class FrameInfo:
     settling: bool = False
     """Whether a subject that settles last does not rest: the frame may be drawn for it alone."""
 
+    valid_histories: int = 0
+    """The histories that the frame may use, as bits (`common.layouts.CONSTANTS`); 0 in chapters that do not use it."""
+
 
 class Technique:
     """The work of a subject outside its passes, from the opening of a renderer to its closing.
@@ -415,6 +418,14 @@ class Technique:
     def pose(self, pose: Pose) -> Pose:
         """Return the pose that is drawn, from the pose of the scene."""
         return pose
+
+    def constants(self, frame: FrameInfo) -> dict[str, Any]:
+        """Return the arguments of `common.layouts.fill_frame_constants` that the subject decides in this frame.
+
+        It is called once for each frame, before `prepare`. Chapters before the one on temporal anti-aliasing do not
+        call it.
+        """
+        return {}
 
     def prepare(self, frame: FrameInfo) -> int:
         """Prepare a frame before its passes are recorded; return the number of bytes written."""

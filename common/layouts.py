@@ -63,8 +63,16 @@ RECORDS: dict[str, tuple[Member, ...]] = {
         *(Member("mat4", name, doc) for name, doc in _MATRICES),
         *(Member("mat4", f"previous_{name}", f"of the frame before: {doc}") for name, doc in _MATRICES),
         Member("vec4", "eye", "xyz: the camera; w: length scale of the scene, metres"),
-        Member("vec4", "previous_eye", "xyz: the camera of the frame before"),
-        Member("vec4", "origin", "xyz: what was subtracted from every position, metres (for display)"),
+        Member(
+            "vec4",
+            "previous_eye",
+            "xyz: the camera of the frame before; w: share of this frame in the colour history",
+        ),
+        Member(
+            "vec4",
+            "origin",
+            "xyz: what was subtracted from every position, metres (for display); w: 1 if the colour history is a mean",
+        ),
         Member("vec4", "size", "width and height in pixels, then their inverses"),
         Member("vec4", "ambient", "rgb: luminance that arrives from every direction alike, times exposure"),
         Member(
@@ -189,12 +197,15 @@ def fill_frame_constants(
     light_count: int = 0,
     ambient: float = 0.0,
     environment: tuple[float, float, float, float] = (0.0, 1.0, 0.0, 0.0),
+    history_share: float = 1.0,
+    averaging: bool = False,
 ) -> None:
     """Fill one `FrameConstants` record in place, given as a zero-dimensional array.
 
     `size` is (width, height) in pixels; jitter is in pixels, right and down. Exposures are those of the views
     unless given (adaptation finds its own). `environment` is (nits of a stored 1, cosine and sine of the turn, last
-    level). The origin is subtracted from the poses in float64, and every
+    level). `history_share` is the share of this frame in the history of colour; with `averaging` that history is the
+    mean of frames that show the same. The origin is subtracted from the poses in float64, and every
     product and inverse is made there, so that only finished matrices are rounded to float32.
     """
     width, height = size
@@ -209,7 +220,8 @@ def fill_frame_constants(
         raw[first : first + matrices.nbytes] = matrices.view(np.uint8).reshape(-1)
         record[f"{prefix}eye"][:3] = matrices[_POSE, 3, :3]
         record[f"{prefix}jitter"] = jitter
-    record["origin"][:3] = np.frombuffer(placed)
+    record["origin"][:3], record["origin"][3] = np.frombuffer(placed), averaging
+    record["previous_eye"][3] = history_share
     record["size"] = (width, height, 1 / width, 1 / height)
     flat = isinstance(view.projection, Orthographic)
     record["near"], record["orthographic"] = view.projection.near, flat

@@ -47,6 +47,7 @@ from .scene.pass_parts import PassParts
 from .scene.scene_draws import SceneDrawLists
 from .shading.views import shown_exposure
 from .shadows.technique import ShadowTechnique
+from .taa.technique import TaaTechnique
 from .transparency.technique import TransparencyTechnique
 from .visibility.technique import VisibilityTechnique
 
@@ -65,6 +66,7 @@ class Renderer(GraphStream):
         ShadowTechnique,
         RateTechnique,
         MotionTechnique,
+        TaaTechnique,
     )
     """The work of each subject outside its passes. A lesson adds a folder, and one line here."""
 

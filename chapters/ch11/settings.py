@@ -28,6 +28,7 @@ from .scene.settings import SceneSettings
 from .shading.settings import ShadingSettings
 from .shadows.settings import ShadowSettings
 from .ssao.settings import SsaoSettings
+from .taa.settings import TaaSettings
 from .transparency.settings import TransparencySettings
 from .visibility.settings import VisibilitySettings
 
@@ -157,6 +158,8 @@ class Settings(Grouped):
         "fog_noise fog_noise_size fog_noise_period fog_wind "
         "fog_near fog_far fog_columns fog_rows fog_slices fog_format "
         "fog_spatial fog_temporal fog_share fog_dither fog_half fog_half_tolerance "
+        "taa taa_share taa_average taa_velocity taa_history taa_filter taa_constraint taa_gamma taa_weight taa_ycocg "
+        "taa_tolerance taa_reactive taa_format jitter jitter_period mip_bias steady_uv "
         "skip_unused"
     )
 
@@ -179,3 +182,4 @@ class Settings(Grouped):
     shadows: ShadowSettings = group(ShadowSettings)
     rates: RateSettings = group(RateSettings)
     fog: FogSettings = group(FogSettings)
+    taa: TaaSettings = group(TaaSettings)

@@ -11,9 +11,8 @@ import pytest
 from common.numerics.transforms import pose_looking_at
 from common.scene import Material
 from common.view.camera import Orthographic, Perspective, View
-from tests.support.scenes import moved, quad_scene, scaled
-from tests.support.shadows import yard
 from tests.support.motion import SIZE, assert_close, motions, triangles_of
+from tests.support.shadows import yard
 from tests.twins import motion as twin
 
 pytestmark = pytest.mark.variants("vulkan", "gl")
@@ -39,7 +38,7 @@ STEPS = {
 @pytest.mark.parametrize("step", STEPS)
 def test_each_pixel_has_the_motion_of_its_point(chapter, step, lens):
     """The ground, a cube and the sky, by a ray through each pixel."""
-    scene = yard()
+    scene = yard(material=Material(unlit=True, double_sided=True))
     before, view = looking(lens=lens), replace(STEPS[step], projection=lens)
     (_, seen) = motions(chapter, scene, [before, view])
     corners = triangles_of(scene)

@@ -40,7 +40,16 @@ from .types import State
 VERTICES = "cloth_vertices"
 """The name of the pass's resource in the graph: the vertices of all cloths."""
 
-READERS = ("depth_prepass", "gbuffer", "forward", "transparent", "instance_id", "visibility", "motion_objects", RESOLVE)
+READERS = (
+    "depth_prepass",
+    "gbuffer",
+    "forward",
+    "transparent",
+    "instance_id",
+    "visibility",
+    "motion_objects",
+    RESOLVE,
+)
 """The passes that draw objects."""
 
 STATE = ("positions", "velocities")

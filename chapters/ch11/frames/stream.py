@@ -165,6 +165,8 @@ class FrameStream:
                 technique.reset(reset)
         posed = self._pose(time)
         pose = self._light.pose(posed, view)
+        info = self._info(slot, view, time, posed, self._valid_histories(slot, reset))
+        more = {key: value for it in self.techniques.values() for key, value in it.constants(info).items()}
         constants = frame_constants(
             scene,
             self.size,
@@ -174,22 +176,24 @@ class FrameStream:
             index=self._index,
             ambient=self._light.ambient(),
             environment=data.environment,
+            more=more,
         )
-        constants["valid_histories"] = self._valid_histories(slot, reset)
+        constants["valid_histories"] = info.valid_histories
         data.write_frame(slot.index, constants)
         written = constants.nbytes + data.records.write(data.slots[slot.index], pose)
         written += self._api.deform(slot, pose)
         written += self._draws.prepare(slot.index, view)
-        state = self._state(view, time)
-        if self.techniques:
-            last = [technique for technique in self.techniques.values() if technique.settles_last]
-            still = bool(last) and self._unchanged(state, time)  # before any subject prepares its frame
-            settling = bool(last) and not all(technique.resting(time) for technique in last)
-            info = FrameInfo(slot.index, view, time, self.size, posed, self.passes, still, settling)
-            written += sum(technique.prepare(info) for technique in self.techniques.values())
+        written += sum(technique.prepare(info) for technique in self.techniques.values())
         data.update_textures(slot.index, view)
-        self._last = state
+        self._last = self._state(view, time)
         return written
+
+    def _info(self, slot: Any, view: View, time: float, pose: Pose, valid: int) -> FrameInfo:
+        """Return what techniques are told of a frame, before any of them prepares it."""
+        last = [technique for technique in self.techniques.values() if technique.settles_last]
+        still = bool(last) and self._unchanged(self._state(view, time), time)
+        settling = bool(last) and not all(technique.resting(time) for technique in last)
+        return FrameInfo(slot.index, view, time, self.size, pose, self.passes, still, settling, valid)
 
     def _pose(self, time: float) -> Pose:
         """Return the pose that is drawn at `time`."""

@@ -11,6 +11,7 @@ from collections.abc import Collection
 
 from ..post.finish import has_motion_blur
 from ..settings import Settings
+from ..taa import model as taa
 
 FORMAT = "rg16f"
 """Half floats: a vector is rounded by at most 2^-11 of its length, and by 2^-25 where it is nearly zero."""
@@ -30,4 +31,4 @@ def in_use(settings: Settings, outputs: Collection[str]) -> bool:
 
     The answer decides the synchronization of deforming vertices: with motion vectors the frame after reads them, too.
     """
-    return MOTION in outputs or has_motion_blur(settings)
+    return MOTION in outputs or taa.in_use(settings) or has_motion_blur(settings)

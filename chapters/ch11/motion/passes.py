@@ -63,7 +63,9 @@ class MotionObjectsPass(ObjectsPass):
         self._deforms = bool(parts.scene.deformations)
         self.active = False
         """Whether any object has moved since the frame before (motion/technique.py)."""
-        if views.depth_target(parts.settings) != "depth":  # the instance-id pass draws all objects into this depth
+        if (
+            views.depth_target(parts.settings) != "depth"
+        ):  # the instance-id pass draws all objects into this depth
             self.phases = ()
 
     @staticmethod
@@ -88,9 +90,7 @@ class MotionObjectsPass(ObjectsPass):
         group = super()._group(batch)
         if not self._deforms:
             return group
-        return replace(
-            group, previous=self._data.page_buffer((self._draws.slot + 1) % SLOTS, batch.page)
-        )
+        return replace(group, previous=self._data.page_buffer((self._draws.slot + 1) % SLOTS, batch.page))
 
     def record(self, commands: Commands) -> None:
         """Record the draws, if any object has moved."""

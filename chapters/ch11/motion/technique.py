@@ -28,7 +28,7 @@ _READ = Touch("", frozenset({"vertex"}), frozenset({"storage_read"}))
 class MotionTechnique(Technique):
     """Decides in each frame whether the pass of objects draws.
 
-    Vertices that deform exist once per slot, and slots take turns: those of the frame before are in the other slot. They
+    Vertices that deform exist once per slot, and slots take turns: those of the frame before are in the other one. They
     are not known in a frame without history, in a frame for which the pages of geometry were replaced, and for a cloth
     that has come into view, since vertices of invisible cloth are not written. Nothing then has a motion of its own.
     """

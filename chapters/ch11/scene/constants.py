@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 
 from common import layouts
@@ -19,8 +22,12 @@ def frame_constants(
     index: int,
     ambient: float,
     environment: tuple[float, float, float, float],
+    more: Mapping[str, Any],
 ) -> np.ndarray:
-    """Return the FrameConstants record; `previous` is the (view, time) that was rendered before, if any was."""
+    """Return the FrameConstants record; `previous` is the (view, time) that was rendered before, if any was.
+
+    `more` are arguments of `fill_frame_constants` that techniques decide, such as the jitter.
+    """
     before, then = previous or (view, time)
     constants = np.empty((), layouts.dtype("FrameConstants"))
     layouts.fill_frame_constants(
@@ -38,5 +45,6 @@ def frame_constants(
         exposure_now=1.0,  # shaders multiply light by the exposure of hdr/exposure.glsl
         ambient=ambient,
         environment=environment,
+        **more,
     )
     return constants

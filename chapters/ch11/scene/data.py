@@ -24,6 +24,7 @@ from ..loading.loading import Loading, report_failures
 from ..settings import Settings
 from ..shading import views
 from ..shadows.model import places, shadow_constants, shadow_defines
+from ..taa.model import texture_defines
 from ..visibility.model import index_defines
 from . import geometry, packing, pages
 from .draw_lists import COMMAND
@@ -169,12 +170,12 @@ class SceneData:
 
     def texture_defines(
         self, needed: Variant, of: Callable[[Variant], Variant] = lambda whole: whole
-    ) -> tuple[tuple[str, int | str], ...]:
+    ) -> tuple[tuple[str, int | float | str], ...]:
         """Return what the shaders of `needed` are built with, which `of` makes of a material's variant."""
         if not needed.roles:
             return ()
         drawn = [number for number, it in enumerate(self.variants) if of(it).defines == needed.defines]
-        return self._defines_of(drawn)
+        return (*self._defines_of(drawn), *texture_defines(self._settings))
 
     def _defines_of(self, materials: Sequence[int]) -> tuple[tuple[str, int | str], ...]:
         """Return what shaders of these materials are built with, to reach their textures."""

@@ -86,5 +86,9 @@ void main() {
     out_now = now;
     out_shift = clip_shift(now, instance, streams[0].x, vertex);
 #endif
+#ifdef STEADY_VIEW  // without the jitter
+    gl_Position = clip_position(frame.steady_clip_from_view, frame.view_from_world, world);
+#else
     gl_Position = clip_position(frame.clip_from_view, frame.view_from_world, world);
+#endif
 }

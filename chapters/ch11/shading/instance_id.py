@@ -11,6 +11,7 @@ from ..pipelines.description import PipelineDescription
 from ..scene.packing import Variant, shape_alone
 from ..scene.pass_parts import PassParts
 from ..settings import Settings
+from ..taa import model as taa
 from . import views
 from .objects import ObjectsPass
 
@@ -29,9 +30,12 @@ class InstanceIdPass(ObjectsPass):
 
     def __init__(self, parts: PassParts) -> None:
         super().__init__(parts)
-        own_depth = views.depth_target(parts.settings) != "depth"
+        depth_of_frame = views.depth_target(parts.settings) == "depth"
+        self._steady = (("STEADY_VIEW", 1),) * (depth_of_frame and taa.in_use(parts.settings))
+        """Ids are those of the view without jitter, with a depth that no other pass reads."""
+        own_depth = not depth_of_frame or bool(self._steady)
         ids = Access("instance_id", "color", format="r32ui", clear=(0, 0, 0, 0))
-        depth = Access("depth", "depth", format="d32f", clear=(0.0,))
+        depth = Access("depth_of_ids" if depth_of_frame else "depth", "depth", format="d32f", clear=(0.0,))
         self.reads = () if own_depth else (Access("depth", "depth"),)
         self.writes = (ids, depth) if own_depth else (ids,)
         self._depth: Literal["write", "equal"] = "write" if own_depth else "equal"
@@ -47,7 +51,7 @@ class InstanceIdPass(ObjectsPass):
         shape = shape_alone(variant)
         return PipelineDescription(
             shaders=("shading/forward.vert", "shading/instance_id.frag"),
-            defines=(*shape.defines, *self._data.texture_defines(shape, shape_alone)),
+            defines=(*shape.defines, *self._data.texture_defines(shape, shape_alone), *self._steady),
             color="r32ui",
             depth=self._depth,
             name="instance id",

@@ -26,10 +26,17 @@ vec4 sample_map(uint map, uint arrays, vec2 uv) {
 #endif
 #endif
 
+#if defined(STEADY_UV) && !defined(COMPUTED) && !defined(STEADY_VIEW)
+#include "taa/unjitter.glsl"
+#define STEADY(uv) unjittered(uv, 0.5 * frame.jitter * frame.size.xy)
+#else
+#define STEADY(uv) (uv)
+#endif
+
 // Where role number `role` samples its image: the uv set it names, through KHR_texture_transform.
 vec2 image_uv(Material material, int role, vec2 uv0, vec2 uv1) {
     vec4 row0 = material.uv_rows[2 * role];
     vec4 row1 = material.uv_rows[2 * role + 1];
     vec3 uv = vec3(row0.w > 0.5 ? uv1 : uv0, 1.0);
-    return vec2(dot(row0.xyz, uv), dot(row1.xyz, uv));
+    return STEADY(vec2(dot(row0.xyz, uv), dot(row1.xyz, uv)));
 }

@@ -78,7 +78,11 @@ float shown_depth() {
 #if VIEW == VIEW_MIP_LEVEL
 float shown_level(Material material) {
 #ifdef BASE_COLOR_MAP
+#ifdef MIP_BIAS
+    return sampled_level(base_color_map, image_uv(material, 0, in_uv0, in_uv1)) + MIP_BIAS;
+#else
     return sampled_level(base_color_map, image_uv(material, 0, in_uv0, in_uv1));
+#endif
 #else
     return -1.0;  // grey, see tonemap.frag
 #endif

@@ -17,6 +17,7 @@ from ..page_table.lamps import COARSE, COARSE_STEP, Lamps, level_of_side
 from ..page_table.pool import TilePool
 from ..page_table.residency import Need, Residency, read_report
 from ..scene.pass_parts import PassParts
+from ..taa import model as taa
 from . import model
 from .cascades import Cascades
 from .faces import FACE, UNUSED, has_cube, local_faces, reaches
@@ -68,6 +69,8 @@ class ShadowLights:
         self._need = Need(np.zeros(held.lamps), np.ones(held.coarse_word, bool))
         self._touched: Any = None
         self._mixed = np.zeros(self.residency.owners, bool)
+        self._jitters, self._unmoved = taa.in_use(parts.settings), 0
+        self._needed: NDArray[np.uint32] | None = None
         self.calm = False
         """Whether the last frame changed no record and no tile, and none waits."""
 
@@ -104,6 +107,9 @@ class ShadowLights:
         )
         self._instances = instances, revision
         turn = not moving or self._frame % model.REPORT_EVERY == 0
+        self._unmoved = 0 if moving else self._unmoved + 1
+        if report is not None and self._jitters:
+            report = self._over_jitter(report)
         if report is not None and (not turn or self._is_known(report)):
             report = None
         other_mix = touched is not self._touched and self._follow_mix(touched)
@@ -145,6 +151,21 @@ class ShadowLights:
         """Whether the box of all objects is another one."""
         records = self._parts.data.slots[slot].written["instance_records"]
         return not np.array_equal(self._bounds(records), self._box)
+
+    def _over_jitter(self, report: NDArray[np.uint32]) -> NDArray[np.uint32]:
+        """Return what the frames of a view that stands still have needed, each with its own jitter.
+
+        Their reports differ, and tiles would come and go for ever. Resolutions are the bits of positive floats.
+        """
+        if self._unmoved <= model.REPORTED:  # the report is that of a frame before
+            self._needed = None
+            return report
+        if self._needed is not None:
+            lamps = self.held.lamps
+            most = np.maximum(report[:lamps], self._needed[:lamps])
+            report = np.concatenate([most, report[lamps:] | self._needed[lamps:]])
+        self._needed = report
+        return report
 
     def _is_known(self, report: NDArray[np.uint32]) -> bool:
         """Whether a report is that on which the tiles of the last frame were based."""

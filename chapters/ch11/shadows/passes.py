@@ -97,7 +97,7 @@ class ShadowsPass(ObjectsPass):
             defines=(
                 *shape.defines,
                 *self._data.texture_defines(shape, shape_alone),
-                *((("DEPTH_ALONE", 1),) if masked else ()),
+                *((("DEPTH_ALONE", 1), ("STEADY_VIEW", 1)) if masked else ()),
             ),
             color=None,
             name="shadow masked" if masked else "shadow",

@@ -81,6 +81,10 @@ vec4 resolved_map(Material material, int role, uint map, uint arrays) {
     int own = material.uv_rows[2 * role].w > 0.5 ? 1 : 0;
     vec2 at = image_uv(material, role, uv[0], uv[1]);
     vec2 dx = turned_uv(material, role, uv_x[own]), dy = turned_uv(material, role, uv_y[own]);
+#ifdef STEADY_UV  // as in taa/unjitter.glsl, by the changes to the next pixels
+    vec2 jitter = 0.5 * frame.jitter * frame.size.xy;
+    at += dx * jitter.x + dy * jitter.y;
+#endif
     if (dx == vec2(0.0) && dy == vec2(0.0)) {
         return sample_finest(map, arrays, at);
     }

@@ -8,11 +8,17 @@
 // invocations, such as the counter of a loop of fixed length; the array is chosen by a comparison inside it. `arrays` has
 // the bits of those that may hold it, known to the compiler, which leaves out what it need not fetch.
 
+#ifdef MIP_BIAS  // added to the level that the footprint of a pixel asks for
+#define BIAS , MIP_BIAS
+#else
+#define BIAS
+#endif
+
 #ifdef BINDLESS
 #include "bindless.glsl"
 
 vec4 sample_texture(uint map, uint arrays, vec2 uv) {
-    return texture(textures_2d[nonuniformEXT(map)], uv);
+    return texture(textures_2d[nonuniformEXT(map)], uv BIAS);
 }
 
 vec4 sample_finest(uint map, uint arrays, vec2 uv) {
@@ -31,7 +37,7 @@ vec4 sample_texture(uint map, uint arrays, vec2 uv) {
     vec4 texel = vec4(0.0);
     for (uint i = 0u; i < ARRAYS; ++i) {
         if ((arrays >> i & 1u) != 0u && i == (map & 255u)) {
-            texel = texture(texture_arrays[i], vec3(uv, float(map >> 8)));
+            texel = texture(texture_arrays[i], vec3(uv, float(map >> 8)) BIAS);
         }
     }
     return texel;
