@@ -94,5 +94,7 @@ def display_defines(settings: Settings) -> Defines:
     knobs = settings.finish
     if not shows_picture(settings):
         return ()
-    exposure: Defines = (("DISPLAY_EXPOSURE", knobs.display_exposure),) if knobs.display_exposure != 1.0 else ()
+    exposure: Defines = (
+        (("DISPLAY_EXPOSURE", knobs.display_exposure),) if knobs.display_exposure != 1.0 else ()
+    )
     return exposure + ((("DISPLAY_GAMMA", knobs.display_gamma),) if knobs.display_gamma != 1.0 else ())
