@@ -85,7 +85,7 @@ def last_defines(settings: Settings, reads: tuple[Access, ...]) -> Defines:
     if knobs.split == "off":
         return dither
     (raw,) = (number for number, access in enumerate(reads) if access.resource == RAW)
-    axis = "x" if knobs.split == "columns" else "y"
+    axis = ("columns", "rows").index(knobs.split)
     return (*dither, ("SPLIT", axis), ("SPLIT_AT", knobs.split_at), ("RAW", raw))
 
 
@@ -94,5 +94,7 @@ def display_defines(settings: Settings) -> Defines:
     knobs = settings.finish
     if not shows_picture(settings):
         return ()
-    exposure: Defines = (("DISPLAY_EXPOSURE", knobs.display_exposure),) if knobs.display_exposure != 1.0 else ()
+    exposure: Defines = (
+        (("DISPLAY_EXPOSURE", knobs.display_exposure),) if knobs.display_exposure != 1.0 else ()
+    )
     return exposure + ((("DISPLAY_GAMMA", knobs.display_gamma),) if knobs.display_gamma != 1.0 else ())

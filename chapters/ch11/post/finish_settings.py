@@ -36,7 +36,9 @@ class FinishSettings:
         minimum=0.1,
         maximum=10,
     )
-    dither: float = knob(0.0, "noise before the picture is rounded to 8 bits", unit="codes", minimum=0, maximum=4)
+    dither: float = knob(
+        0.0, "noise before the picture is rounded to 8 bits", unit="codes", minimum=0, maximum=4
+    )
     split: str = knob(
         "off",
         "which part shows the raw picture, clamped instead of finished: columns on the left, or rows above",
