@@ -366,3 +366,17 @@ def test_copies_of_a_skin_wait_for_the_frame_that_still_reads_its_slot(chapter):
             copy = calls.index("vkCmdCopyBuffer")
             counts[output] = calls[:copy].count("vkCmdPipelineBarrier2")
     assert counts == {"depth": 0, "motion": 1}
+
+
+@pytest.mark.feature("motion-vectors/objects")
+def test_a_skin_whose_pages_are_replaced_has_no_vertices_before(chapter):
+    """A material that is lit from now on needs normals: all streams are uploaded anew, as they were modelled."""
+    scene = leaning()
+    with chapter.open(scene, SIZE, Settings(shadows="off"), outputs={"motion", "color"}) as renderer:
+        for time in (0.0, 0.1):
+            renderer.render(FRONT, time)
+        with scene.edit() as edit:
+            edit.set_material(0, replace(UNLIT, unlit=False))
+        assert not renderer.render(FRONT, 0.25).image("motion").view(np.uint32).any()
+        seen = renderer.render(FRONT_ASIDE, 0.4).image("motion")
+        assert_close(seen, *bent_between(FRONT_ASIDE, FRONT, 0.4, 0.25))

@@ -66,6 +66,8 @@ class MotionTechnique(Technique):
         if frame.passes is not self._passes:
             self._passes = frame.passes
             self._drawn = self._objects in frame.passes
+            ordered = self._data.vertices_read_twice or not self._scene.deformations
+            assert ordered or not self._drawn, "a pass reads motion, and `model.in_use` does not say so"
             self._sways = self._cloth is not None and self._cloth in frame.passes
         if not self._drawn:
             self._fresh, self.work = True, {}
