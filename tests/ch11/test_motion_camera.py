@@ -122,7 +122,11 @@ def test_a_scene_of_nothing(chapter, knobs):
 @pytest.mark.variants("gl")
 @pytest.mark.feature("motion-vectors/camera")
 def test_vulkan_is_opengl(chapter):
-    """The same bits from the same texts, where one driver compiles both."""
+    """The same bits from the same texts, where one driver compiles both; a GPU's compilers may round another way.
+
+    A rounding of a position, 2^-24 of some two pictures, may fall on the other half float: a step of 2^-11 at most.
+    """
+    software = chapter.device.capabilities.is_software
     vulkan = chapters.renderer_module(chapter.which, "vulkan").Renderer
     views, settings = [looking(), STEPS["both"]], Settings(graph="deferred")
     with vulkan(yard(material=UNLIT), SIZE, settings, outputs={"motion"}) as renderer:
@@ -130,4 +134,5 @@ def test_vulkan_is_opengl(chapter):
     for drawn, other in zip(
         motions(chapter, yard(material=UNLIT), views, settings=settings), wanted, strict=True
     ):
-        assert np.array_equal(drawn, other)
+        apart = np.abs(drawn - other)
+        assert (apart <= (0.0 if software else 2.0**-10) * np.abs(other)).all(), apart.max()

@@ -17,7 +17,7 @@ from tests.support.cloth_runs import VIEW as CLOTH_VIEW
 from tests.support.cloth_runs import state
 from tests.support.cloth_scenes import cloth, cloth_scene_of, sheet
 from tests.support.culled_frames import ways
-from tests.support.motion import SIZE, assert_close, motions, triangles_of
+from tests.support.motion import LOOSE_PX, SIZE, assert_close, motions, triangles_of
 from tests.support.scenes import moved, nodes_at, quad_scene, scaled
 from tests.support.shadows import bending, bent, yard
 from tests.support.towns import KINDS, ball, cube, of_shapes
@@ -85,7 +85,9 @@ def test_a_cube_that_moves_and_turns(chapter, view, lens):
         now = triangles_of(scene)
         frame = renderer.render(view)
         seen, work = frame.image("motion"), frame.work
-        assert_close(seen, *twin.motion(view, before, SIZE, now, then))
+        # A GPU puts corners on a grid of 1/256 pixel: a face that is seen from the side has other vectors nearby.
+        loose = LOOSE_PX if chapter.device.capabilities.is_software else 0.2
+        assert_close(seen, *twin.motion(view, before, SIZE, now, then), loose=loose)
         with pytest.raises(AssertionError):  # the present model matrix leaves the motion of the camera alone
             assert_close(seen, *twin.motion(view, before, SIZE, now, now))
         assert work["motion_objects"] == len(CUBE)

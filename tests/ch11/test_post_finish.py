@@ -165,7 +165,8 @@ def test_dither_keeps_the_mean_and_removes_the_bands_of_a_slow_ramp(chapter, fxa
     """Of 6 codes over 96 columns, after a blur that leaves no pattern, against the ramp itself.
 
     The noise of a pixel and its rounding have a variance of at most 1/4 square codes. The mean of n pixels of
-    independent noise would have sqrt(1 / 4n); four times that is allowed.
+    independent noise would have sqrt(1 / 4n); four times that is allowed. Before FXAA the codes are half floats, which a
+    device may truncate: between 1/8 and 1/4 of white by less than 2^-13.
     """
     codes = np.broadcast_to(np.linspace(40.0, 46.0, 96), (48, 96))
     light = np.where(codes <= 10.31475, codes / 255 / 12.92, ((codes / 255 + 0.055) / 1.055) ** 2.4)
@@ -175,7 +176,8 @@ def test_dither_keeps_the_mean_and_removes_the_bands_of_a_slow_ramp(chapter, fxa
     again, _ = shown(chapter, np.float32(light), frames=2, **knobs, dither=1.0)
     assert steps == with_noise and not np.array_equal(noisy, again)
     banded, noisy = (it[..., 0].astype(np.float64) for it in (banded, noisy))
-    assert abs(noisy.mean() - codes.mean()) < 4 * np.sqrt(0.25 / codes.size)
+    truncated = 0.0 if not fxaa or chapter.device.capabilities.is_software else 255 * 2.0**-13
+    assert abs(noisy.mean() - codes.mean()) < 4 * np.sqrt(0.25 / codes.size) + truncated
     assert np.abs(noisy - codes).max() < 1.51
     errors = [np.sqrt(((blurred(it) - blurred(codes)) ** 2).mean()) for it in (banded, noisy)]
     assert errors[0] > 0.15 and errors[1] < 0.3 * errors[0], errors
