@@ -24,6 +24,6 @@ float triangle_of(float even) {
 vec3 dithered_code(vec3 code, float even, float steps) {
     vec3 value = 255.0 * code;
     bvec3 edge = lessThan(min(value, 255.0 - value), vec3(steps));
-    vec3 noise = mix(vec3(steps * triangle_of(even)), vec3(0.99992 * min(steps, 1.0) * (even - 0.5)), edge);
+    vec3 noise = mix(vec3(steps * triangle_of(even)), vec3(min(steps, 1.0) * clamp(even - 0.5, -0.49996, 0.49996)), edge);
     return (value + noise) / 255.0;
 }

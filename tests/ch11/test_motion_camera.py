@@ -93,6 +93,7 @@ def test_jitter_moves_the_picture_and_no_vector(chapter, jittered, lens):
             )
 
 
+@pytest.mark.core
 @pytest.mark.feature("motion-vectors/camera")
 def test_a_pan_before_a_plane_is_the_shift_that_a_ruler_gives(chapter):
     """A plane at distance 2 fills the picture, 2 * 2 tan(yfov / 2) * aspect wide there; the eye moves by 0.1."""

@@ -107,7 +107,6 @@ def test_dither_and_display_change_all_effects_together_and_no_pass(chapter):
     assert steps == same and brighter.mean() < together.mean()
 
 
-@pytest.mark.core
 @pytest.mark.feature("demo/combined-effects")
 def test_all_off_is_the_plain_frame(chapter):
     """To the bit, with the same passes, also where effects are off in ways that leave other knobs of theirs set."""

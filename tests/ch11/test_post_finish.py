@@ -105,7 +105,6 @@ def test_gamma_and_exposure_around_each_curve(chapter, curve):
         assert np.abs(found - 255 * encode_srgb(light ** (1 / gamma))).max() < bounds, (exposure, gamma)
 
 
-@pytest.mark.core
 @pytest.mark.feature("postprocess/tone-mapping")
 def test_the_printed_values_of_extended_reinhard_are_shown(chapter):
     """Per channel with white at 1.17: R(0) = 0, R(.5) = .45509, R(1) = .86526, R(1.17) = 1; more is never darker.

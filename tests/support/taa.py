@@ -42,7 +42,9 @@ def court(material: Material | None = None) -> Scene:
     return yard(LAMP, material=material)
 
 
-def opened(chapter: Any, settings: Any, scene: Scene, *outputs: str, size: tuple[int, int] = SIZE, **turned: Any) -> Any:
+def opened(
+    chapter: Any, settings: Any, scene: Scene, *outputs: str, size: tuple[int, int] = SIZE, **turned: Any
+) -> Any:
     """Return a renderer with the outputs "color_linear" and `outputs`."""
     return chapter.open(scene, size, replaced(settings, **turned), outputs={"color_linear", *outputs})
 
