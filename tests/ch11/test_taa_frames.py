@@ -1,5 +1,4 @@
-"""Frames with a history: what it converges to, when it rests, when it begins anew, and that nothing in it lasts that should
-not."""
+"""Frames with a history: what it converges to, when it rests, when it begins anew, and what must not last in it."""
 
 from __future__ import annotations
 
