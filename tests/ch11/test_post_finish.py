@@ -164,8 +164,8 @@ def test_dither_keeps_the_mean_and_removes_the_bands_of_a_slow_ramp(chapter, fxa
     """Of 6 codes over 96 columns, after a blur that leaves no pattern, against the ramp itself.
 
     The noise of a pixel and its rounding have a variance of at most 1/4 square codes. The mean of n pixels of
-    independent noise would have sqrt(1 / 4n); four times that is allowed. Before FXAA the codes are half floats, which a
-    device may truncate: between 1/8 and 1/4 of white by less than 2^-13.
+    independent noise would have sqrt(1 / 4n); four times that is allowed. Before FXAA codes are halves, which a device
+    may truncate: between 1/8 and 1/4 of white by less than 2^-13.
     """
     codes = np.broadcast_to(np.linspace(40.0, 46.0, 96), (48, 96))
     light = np.where(codes <= 10.31475, codes / 255 / 12.92, ((codes / 255 + 0.055) / 1.055) ** 2.4)

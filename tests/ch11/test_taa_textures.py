@@ -42,10 +42,11 @@ def picture(chapter, **turned):
 @pytest.mark.feature("taa/mip-bias")
 @pytest.mark.parametrize("surfaces", ["gbuffer", "visibility"])
 def test_a_bias_of_a_quarter_mixes_a_quarter_of_the_finer_level(chapter, surfaces):
-    """A trilinear filter at level 1 - 1/4 is 1/4 of level 0 and 3/4 of level 1; a fraction has 8 bits."""
-    whole, finer, between = (
-        picture(chapter, mip_bias=bias, surfaces=surfaces) for bias in (0.0, -1.0, -0.25)
-    )
+    """A bias of 3/4 of a level is 1/4 of a bias of 0 and 3/4 of one of 1, since filters between levels are linear.
+
+    A fraction of a level has 8 bits. Below the finest level there would be nothing to mix.
+    """
+    whole, finer, between = (picture(chapter, mip_bias=bias, surfaces=surfaces) for bias in (1.0, 0.0, 0.75))
     apart = np.abs(finer - whole)
     assert apart.mean() > 0.05 * whole.mean()
     assert (np.abs(between - (0.25 * finer + 0.75 * whole)) <= apart / 128 + 1e-3 * whole.max()).all()
