@@ -44,8 +44,8 @@ def picture(chapter, **turned):
 def test_a_bias_of_a_quarter_mixes_a_quarter_of_the_finer_level(chapter, surfaces):
     """A bias of 3/4 of a level is 1/4 of a bias of 0 and 3/4 of one of 1, since filters between levels are linear.
 
-    A fraction of a level has 8 bits. Below the finest level there would be nothing to mix. llvmpipe squares gradients that
-    are given, and reads log2 of 2^n (1 + m) as n + m: half of that is off by up to 0.0430.
+    A fraction of a level has 8 bits. Below the finest level there would be nothing to mix. llvmpipe squares gradients
+    and reads log2 of 2^n (1 + m) as n + m: half of that is off by up to 0.0430.
     """
     rough = 0.0431 if (surfaces, chapter.backend) == ("visibility", "gl") else 0.0
     whole, finer, between = (picture(chapter, mip_bias=bias, surfaces=surfaces) for bias in (1.0, 0.0, 0.75))
