@@ -7,7 +7,7 @@ from tools.site.figures.film import Loop
 from tools.site.figures.recorded import GAP, recorded
 
 CHAPTER, SCENE, PATH = 11, "market", "walk"
-SIZE, FRAMES, RATE = (192, 108), 24, 12.0
+SIZE, FRAMES, RATE = (192, 108), 20, 12.0
 
 WALK = Loop(
     "The market along a path, without a history on the left and with it on the right",
@@ -24,4 +24,4 @@ def walk() -> bytes:
     """Return the film; two frames are drawn for each one that is kept."""
     kind = chapters.settings_class(CHAPTER)
     both = (kind(), kind(taa="full"))
-    return recorded(CHAPTER, SCENE, PATH, FRAMES, RATE, SIZE, both, drawn=2, back=True)
+    return recorded(CHAPTER, SCENE, PATH, FRAMES, RATE, SIZE, both, drawn=2, back=True, quality=55)
