@@ -2,6 +2,7 @@
 
 from common.images.images import (
     READABLE,
+    WRITABLE,
     check_writable,
     encode_png,
     image_size,
@@ -13,6 +14,7 @@ from common.images.images import (
 
 __all__ = [
     "READABLE",
+    "WRITABLE",
     "check_writable",
     "encode_png",
     "image_size",

@@ -22,6 +22,7 @@ from tools.cli.lessons import next_
 from tools.cli.options import (
     Backend,
     Camera,
+    CameraPath,
     Compress,
     Environment,
     Runnable,
@@ -121,13 +122,18 @@ def run(
     size: Size = "1280x720",
     frames: Annotated[
         int | None,
-        typer.Option(metavar="K", help="Stop after K frames; a file gets the last.", show_default=False),
+        typer.Option(
+            metavar="K",
+            help="Stop after K frames; a file gets the last, or with --path all.",
+            show_default=False,
+        ),
     ] = None,
     out: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Write .png (as shown) or .exr (linear light, depth, ids), without a window.",
+            help="Write .png (as shown) or .exr (linear light, depth, ids), without a window; with --path .webp, .gif "
+            "or .png that move, or numbered pictures: a folder, or a name with %04d.",
             show_default=False,
         ),
     ] = None,
@@ -139,6 +145,7 @@ def run(
             show_default=False,
         ),
     ] = None,
+    path: CameraPath = None,
     ev: Annotated[
         float | None,
         typer.Option(
@@ -204,6 +211,7 @@ def run(
         frames=frames,
         out=out,
         camera=camera,
+        path=path,
         quality=quality,
         overrides=tuple(set_ or ()),
         view=view,
@@ -324,6 +332,7 @@ def compare(
     ] = None,
     environment: Environment = "none",
     camera: Camera = None,
+    path: CameraPath = None,
     ev: Annotated[
         float | None,
         typer.Option(metavar="EV100", help="Exposure; without it that of the scene.", show_default=False),
@@ -339,7 +348,7 @@ def compare(
         int | None,
         typer.Option(
             metavar="K",
-            help="Draw K frames on a running clock and compare the last; without it, one moment.",
+            help="Draw K frames on a running clock and compare the last, or with --path all; without it, one moment.",
             show_default=False,
         ),
     ] = None,
@@ -359,7 +368,11 @@ def compare(
     ] = "auto",
     out: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Where A, B and the map go, as .png.", show_default=False),
+        typer.Option(
+            metavar="FILE",
+            help="Where A, B and the map go, as .png; with --path the worst frame, or all of them as .webp or .gif.",
+            show_default=False,
+        ),
     ] = None,
     json: Annotated[
         Path | None, typer.Option(metavar="FILE|-", help="Write the record; - prints it.", show_default=False)
@@ -376,6 +389,7 @@ def compare(
         scene=scene,
         environment=environment,
         camera=camera,
+        path=path,
         ev100=ev,
         size=None if size is None else running.parse_size(size),
         time=time,

@@ -30,6 +30,16 @@ Camera = Annotated[
     str | None,
     typer.Option(metavar="NAME|VIEW", help="As for `strata run`.", show_default=False),
 ]
+CameraPath = Annotated[
+    str | None,
+    typer.Option(
+        "--path",
+        metavar="NAME|FILE",
+        help="Move the camera from where it stands: still, pan, walk, dolly or orbit, with values as in "
+        "walk:speed=0.1, or by a .json file of key poses.",
+        show_default=False,
+    ),
+]
 Set = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Turn a knob of `strata list N --settings`; repeatable."),

@@ -24,10 +24,11 @@ from common.paths import write_whole
 from common.scene import Scene
 from tools.cli.console import Steps, err, out, say
 from tools.cli.stopping import prompt_stop
-from tools.compare import report
+from tools.compare import along, report
 from tools.compare.measure import FRAMES, ROUNDS, WARM_UP, Moment, errors, exposure_of, measure
 from tools.compare.sheet import Panel, heat, sheet
 from tools.compare.sides import Drawn, Picture, Side, comparable, read_side
+from tools.run import recording
 from tools.run import run as running
 from tools.run.record import STDOUT
 
@@ -48,6 +49,7 @@ class Request:
     scene: str | None = None
     environment: str = "none"
     camera: str | None = None
+    path: str | None = None  # a name or a file of `common.view.paths`
     ev100: float | None = None
     size: tuple[int, int] | None = None
     time: float = 0.0
@@ -81,10 +83,12 @@ def check(request: Request) -> None:
             f"--ev {request.ev100} is no exposure: give EV100 between -60 and 60; daylight is about 15."
         )
     target = request.out
+    if request.path is not None:
+        along.check(request)
     if target is not None:
         if target.suffix.lower() in (".exr", ".hdr"):
             raise UserError(f"--out {target}: the pictures and the map go to a .png.")
-        images.check_writable(target)
+        images.check_writable(target, images.WRITABLE if request.path is None else (".png", *along.FILMS))
     made = request.json if request.json != STDOUT else None
     if made is not None and (made.is_dir() or not made.absolute().parent.is_dir()):
         raise UserError(f"--json {made} cannot be written: name a file in a folder that exists.")
@@ -109,6 +113,9 @@ def _run(request: Request) -> int:
     a, b = (read_side(text, request.quality, request.without) for text in texts)
     comparable(a, b)
     size = size_of(a, b, request.size)
+    if request.path is not None:
+        along.check_sides(request, (a, b), size)
+        return _along(request, (a, b), size, target)
     moment = Moment(request.camera, request.time, request.frames, request.fps)
     with Steps() as steps:
         scene = load_scene((a, b), request, steps.of("load", 0.05, 0.3))
@@ -153,6 +160,31 @@ def _run(request: Request) -> int:
     return 0
 
 
+def _along(request: Request, sides: tuple[Side, Side], size: tuple[int, int], target: Path) -> int:
+    """Compare two sides along a path."""
+    with Steps() as steps:
+        scene = load_scene(sides, request, steps.of("load", 0.05, 0.3))
+        assert scene is not None  # both sides are drawn
+        running.expose(scene, running.Request(0, ev100=request.ev100))
+        running.tell_warnings(scene, request.verbose)
+        if request.out is None:
+            target.parent.mkdir(exist_ok=True)
+        found = along.compare(request, sides, scene, size, target, steps)
+    first, second = found.sides
+    differ = report.differences(first, second)
+    drawn = scene.name if request.scene is None else request.scene
+    if request.json is not None:
+        error = errors(first, second, exposure_of(first, second, request.ev100), request.map)[0]
+        made = report.record(request, drawn, first, second, error, differ, size, target)
+        write_record(request, {**made, **along.record(request, found)})
+    to = err if request.json == STDOUT else out
+    to.print(differ, soft_wrap=True, markup=False)
+    to.print(along.figures_table(f"{drawn}, {size[0]}x{size[1]}, {request.path}", found))
+    to.print(along.times_table(found))
+    say(f"Wrote {target}" if target.suffix.lower() in along.FILMS else f"Wrote {target}, the worst frame")
+    return 0
+
+
 def load_scene(sides: tuple[Side, Side], request: Request, progress: Any = None) -> Scene | None:
     """Return what both sides draw: the scene asked for, else a chapter's, else a study's own; None for two files."""
 
@@ -179,7 +211,8 @@ def default_picture(request: Request) -> Path:
         re.sub(r"[^\w.@=,+-]+", "-", Path(text).stem if Path(text).suffix in images.READABLE else text)
         for text in (request.a, request.b)
     ]
-    return folder / f"compare-{names[0][:80]}-{names[1][:80]}.png"
+    moved = "" if request.path is None else f"-{recording.file_name(request.path)}"
+    return folder / f"compare-{names[0][:80]}-{names[1][:80]}{moved}.png"
 
 
 def size_of(a: Side, b: Side, wanted: tuple[int, int] | None) -> tuple[int, int]:

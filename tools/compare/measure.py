@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time as clock
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -80,6 +81,13 @@ class Stand:
         self._index += 1
         return self.renderer.render(self.view(time), time)
 
+    def along(self, view: View, time: float) -> Measured:
+        """Draw a frame of a path, and return what is compared; its times count."""
+        frame, times = self._timed(lambda: self.renderer.render(view, time))
+        self.point.rounds.append([times])
+        self._work = dict(frame.work)
+        return self._measured(frame, view)
+
     def picture(self) -> Measured:
         """Return what is compared."""
         moment = self.moment
@@ -90,19 +98,27 @@ class Stand:
             view, most = self.view(moment.time), 64
             while most and not self.renderer.idle(view, moment.time):
                 frame, most = self.next_frame(), most - 1
+        self._work = dict(frame.work)
+        return self._measured(frame, self.view(moment.at(self._index - 1)))
+
+    def _measured(self, frame: Frame, view: View) -> Measured:
         got = {name: frame.image(name) for name in self.side.outputs}
         shown = shown_values(got["color"]) if "color" in got else None
         linear = got["color_linear"][..., :3].astype(np.float32) if "color_linear" in got else None
-        self._work = dict(frame.work)
-        return Measured(self.side, shown, linear, self.view(moment.at(self._index - 1)))
+        return Measured(self.side, shown, linear, view)
 
     def timed_frame(self) -> dict[str, float]:
         """Draw a frame and return its milliseconds: each pass, "gpu", "cpu", and "wall" until it was done."""
+        return self._timed(self.next_frame)[1]
+
+    @staticmethod
+    def _timed(draw: Callable[[], Frame]) -> tuple[Frame, dict[str, float]]:
         began = clock.perf_counter()
-        frame = self.next_frame()
+        frame = draw()
         passes = frame.timings
         wall = (clock.perf_counter() - began) * 1e3
-        return {**passes, "gpu": sum(passes.values()) if passes else wall, "cpu": frame.cpu_ms, "wall": wall}
+        gpu = sum(passes.values()) if passes else wall
+        return frame, {**passes, "gpu": gpu, "cpu": frame.cpu_ms, "wall": wall}
 
     def record(self) -> dict[str, Any]:
         """Return medians of the times, and the work of the frame that is compared."""
@@ -114,29 +130,8 @@ def measure(
     sides: tuple[Side, Side], scene: Scene | None, size: tuple[int, int], moment: Moment, steps: Any
 ) -> tuple[Measured, Measured]:
     """Draw and time both sides. `scene` may be None where both are files. Raises StrataError."""
-    from tools.run import run as running
-
     with ExitStack() as stack:
-        devices: dict[tuple[str, tuple[str, ...]], Any] = {}
-        stands: list[Stand | Picture] = []
-        for number, side in enumerate(sides):
-            if isinstance(side, Picture):
-                stands.append(side)
-                continue
-            assert scene is not None
-            steps(f"open {side.text}", 0.3 + 0.1 * number)
-            key = side.backend, side.without
-            if key not in devices:  # two sides of one backend share a device, as they would share a card
-                devices[key] = running.open_device(stack, side.backend, without=side.without)
-            renderer = side.module.Renderer(
-                scene,
-                size,
-                settings=side.settings,
-                without=side.without,
-                outputs=set(side.outputs),
-                device=devices[key],
-            )
-            stands.append(Stand(side, stack.enter_context(renderer), moment))
+        stands = open_sides(stack, sides, scene, size, moment, steps)
         found = []
         for stand in stands:
             if isinstance(stand, Picture):
@@ -151,6 +146,40 @@ def measure(
                 measured.record = stand.record()
                 measured.capabilities, measured.plan = stand.renderer.capabilities, stand.renderer.plan
     return found[0], found[1]
+
+
+def open_sides(
+    stack: ExitStack,
+    sides: tuple[Side, Side],
+    scene: Scene | None,
+    size: tuple[int, int],
+    moment: Moment,
+    steps: Any,
+) -> list[Stand | Picture]:
+    """Return both sides, those that are drawn with a renderer each, which `stack` closes."""
+    from tools.run import run as running
+
+    devices: dict[tuple[str, tuple[str, ...]], Any] = {}
+    stands: list[Stand | Picture] = []
+    for number, side in enumerate(sides):
+        if isinstance(side, Picture):
+            stands.append(side)
+            continue
+        assert scene is not None
+        steps(f"open {side.text}", 0.3 + 0.1 * number)
+        key = side.backend, side.without
+        if key not in devices:  # two sides of one backend share a device, as they would share a card
+            devices[key] = running.open_device(stack, side.backend, without=side.without)
+        renderer = side.module.Renderer(
+            scene,
+            size,
+            settings=side.settings,
+            without=side.without,
+            outputs=set(side.outputs),
+            device=devices[key],
+        )
+        stands.append(Stand(side, stack.enter_context(renderer), moment))
+    return stands
 
 
 def _time(stands: list[Stand], steps: Any) -> None:

@@ -114,6 +114,7 @@ class Log:
             "median_ms": self.medians(),
             "frames": self.frames,
             "pictures": self.pictures,
+            **({} if self.request.path is None else {"path": self.request.path, "fps": self.request.fps}),
         }
 
     def write(self, path: Path) -> None:

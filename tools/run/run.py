@@ -18,12 +18,13 @@ from chapters import studies
 from chapters.folders import Folder
 from common import images
 from common.errors import UserError
+from common.images.films import FILMS
 from common.paths import cache_problem, written_file
 from common.settings import apply_overrides, flat, replaced
 from tools.cli.console import Steps, say
 from tools.cli.stopping import prompt_stop
 from tools.lessons.places import places_of
-from tools.run import quality
+from tools.run import quality, recording
 from tools.run.live import Live
 from tools.run.opening import Opening, open_scene
 from tools.run.record import STDOUT, Log, triangles
@@ -33,6 +34,7 @@ from tools.run.watch import until_idle, watch
 if TYPE_CHECKING:
     from backends.contract import Frame, Renderer
     from common.scene import Scene
+    from common.view.camera import View
 
 QUALITIES = ("auto", "low", "medium", "high", "reference")
 """What every chapter has; a chapter may have further presets."""
@@ -57,6 +59,7 @@ class Request:
     frames: int | None = None
     out: Path | None = None
     camera: str | None = None
+    path: str | None = None  # a name or a file of `common.view.paths`
     quality: str = "auto"
     overrides: tuple[str, ...] = ()
     view: str | None = None
@@ -117,7 +120,11 @@ def check(request: Request) -> None:
         check_time(request.time + (count - 1) / request.fps, "With --frames and --fps the last --time")
     # Before the file: a study that cannot fill an EXR is no reason to install the package that writes one.
     studies.check(request.chapter, request.quality, request.out)
-    if request.out is not None:
+    if request.path is not None:
+        recording.check(request)
+    elif request.out is not None:
+        if request.out.suffix.lower() in FILMS.keys() - PICTURES:
+            raise UserError(f"--out {request.out} is an animation: say what moves, such as --path walk.")
         images.check_writable(request.out, PICTURES)
     record = written_file(request.json.absolute()) if request.json not in (None, STDOUT) else None
     if record is not None and (record.is_dir() or not record.parent.is_dir()):
@@ -174,7 +181,7 @@ def validation(which: chapters.Which, wanted: bool, allowed: bool, backend: str)
 
 def wants_window(request: Request) -> bool:
     """Whether to open a window: there is a display, and no picture was asked for."""
-    if request.headless or request.watch or request.out is not None:
+    if request.headless or request.watch or request.out is not None or request.path is not None:
         return False
     from backends.window import display_available
 
@@ -311,31 +318,21 @@ def draw(request: Request, began: float) -> int:
         )
         with opener() as renderer:
             log = Log(request, renderer, preset_name)
-            count = request.frames or 1
-            for index in range(count):
-                steps("first frame" if index == 0 else "frames", 0.7 + 0.3 * index / count)
-                time = request.time + index / request.fps
-                view = chapters.view_of(renderer, request.camera, time)
-                frame = renderer.render(view, time)
-                log.add(frame)
-            if request.frames is None:  # an exposure that the GPU finds, for one, shows a frame later
-                for frame in until_idle(renderer, view, time):
-                    log.add(frame)
-            steps("write", 0.9)
-            if request.out is None:
-                target.parent.mkdir(exist_ok=True)
-            write_picture(target, frame)
+            if request.path is not None:
+                log.pictures = recording.record(request, renderer, log, target, steps)
+            else:
+                view, time = draw_last(request, renderer, log, steps, target)
             opening.finish(steps.of("cache", 0.9, 1.0))
             steps.finish()
             log.start = {**steps.times, "total": clock.perf_counter() - began}
-            log.pictures = [str(target)]
             messages = report_messages(renderer)
             if request.json is not None:
                 log.write(request.json)
             if request.verbose:
                 log.show()
             what = f"{studies.spoken(request.chapter)}, {scene.name}"
-            say(f"{what}, {request.size[0]}x{request.size[1]}, {log.device}: wrote {target}")
+            wrote = recording.spoken(log.pictures)
+            say(f"{what}, {request.size[0]}x{request.size[1]}, {log.device}: wrote {wrote}")
             tell_warnings(scene, request.verbose, told)  # of what was loaded meanwhile
             opening.report(request.verbose)
             if request.watch:
@@ -343,11 +340,35 @@ def draw(request: Request, began: float) -> int:
     return 1 if messages else 0
 
 
+def draw_last(
+    request: Request, renderer: Renderer, log: Log, steps: Steps, target: Path
+) -> tuple[View, float]:
+    """Draw the frames that were asked for, or until the renderer is idle; write the last and return its moment."""
+    count = request.frames or 1
+    for index in range(count):
+        steps("first frame" if index == 0 else "frames", 0.7 + 0.3 * index / count)
+        time = request.time + index / request.fps
+        view = chapters.view_of(renderer, request.camera, time)
+        frame = renderer.render(view, time)
+        log.add(frame)
+    if request.frames is None:  # an exposure that the GPU finds, for one, shows a frame later
+        for frame in until_idle(renderer, view, time):
+            log.add(frame)
+    steps("write", 0.9)
+    if request.out is None:
+        target.parent.mkdir(exist_ok=True)
+    write_picture(target, frame)
+    log.pictures = [str(target)]
+    return view, time
+
+
 def default_picture(request: Request) -> Path:
     """Return where a picture goes for which no place was named: in `out/` of the current folder, made at the end."""
     if not os.access(Path.cwd(), os.W_OK):
         raise UserError(f"Nothing can be written to {Path.cwd()}: say --out FILE.png.")
     name = studies.picture_name(request.chapter, request.scene)
+    if request.path is not None:
+        return Path("out") / f"{name}-{recording.file_name(request.path)}.webp"
     return Path("out") / f"{name}-{request.view}.png" if request.view else Path("out") / f"{name}.png"
 
 
