@@ -186,7 +186,7 @@ def sequence(
                 light = picture.image("color_linear").mean(axis=-1) * exposure(view.ev100)
                 sharp.append(mtf50(light, case.edge))
         if not case.moves:
-            figures |= rest(renderer, first, frames, truth[0].shown)
+            figures |= rest(renderer, case.view(first, 0), frames, truth[0].shown)
     if case.passing is not None:
         with hidden(case.scene, case.passing), drawn.open(settings, {"color"}) as renderer:
             first = drawn.view(renderer)

@@ -296,7 +296,15 @@ def large(subject: Subject, name: str, pan: bool) -> Case:
 
 def settings_of(subject: Subject, **values: Any) -> Any:
     """Return the settings of the pictures: those of `medium` without what depends on the number of pixels."""
-    exact = {"msaa": 1, "lod_pixels": 0.0, "cloth": False, "ssao": "off", "color_format": "rgba32f", **values}
+    exact = {
+        "msaa": 1,
+        "lod_pixels": 0.0,
+        "cloth": False,
+        "ssao": "off",
+        "shadows": "off",
+        "color_format": "rgba32f",
+        **values,
+    }
     known = knobs(subject.settings_class)
     settings = preset(subject.settings_class, "medium")
     return replaced(settings, **{name: value for name, value in exact.items() if name in known})

@@ -75,6 +75,7 @@ def references(subject: Subject, case: Case, settings: Any, frames: int) -> list
             light = box_mean(drawn.image("color_linear")) * exposure(view.ev100)
             covered = None
             if case.passing is not None:
-                covered = box_mean(drawn.image("instance_id") == case.passing) > 0.0
+                # 0 is where nothing is drawn.
+                covered = box_mean(drawn.image("instance_id") == case.passing + 1) > 0.0
             found.append(Reference(shown(light), light, covered))
     return found
