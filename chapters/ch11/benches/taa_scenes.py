@@ -173,7 +173,9 @@ def scene_of(
     )
 
 
-def clip(node: int, path: Any, frames: ArrayLike, values: ArrayLike, interpolation: Any = "linear") -> Animation:
+def clip(
+    node: int, path: Any, frames: ArrayLike, values: ArrayLike, interpolation: Any = "linear"
+) -> Animation:
     """Return a clip with keys (K,) at frames."""
     times = np.asarray(frames, np.float64) * STEP_S
     channel = AnimationChannel(node, path, times, np.asarray(values, np.float64), interpolation)
