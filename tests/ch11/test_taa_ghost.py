@@ -18,10 +18,10 @@ pytestmark = pytest.mark.variants("vulkan", "gl")
 
 
 def cover(case, frame):
-    """Return (H, W) the pixels that the passing box may touch in a frame: its corners' rectangle, and one pixel more."""
+    """Return (H, W) the pixels of the columns that the passing box may touch in a frame, and one more."""
     width, height = SIZE
     x = scenes.PASSING_PX * scenes.pixel(SIZE, 0.5) * (frame - FRAMES / 2)
-    corners = scenes.box(0.15, 0.4, 0.05).reshape(-1, 3) + (x, 0.0, 0.5)
+    corners = np.add(scenes.box(0.15, 0.4, 0.05).reshape(-1, 3), (x, 0.0, 0.5))
     view = case.view(None, 0)
     clip = np.c_[transform_points(view.view_from_world(), corners), np.ones(len(corners))]
     clip = clip @ view.clip_from_view(width / height).T
@@ -32,7 +32,7 @@ def cover(case, frame):
 
 
 def ghost(chapter, color, **values):
-    """Return the mean and the largest ghost in codes, that is not rounded, four frames after pixels were covered last."""
+    """Return the mean and the largest ghost in codes, four frames after pixels were covered last."""
     case = scenes.disocclusion(SIZE, FRAMES)
     case.scene.materials[1] = scenes.unlit(*color)
     subject = Subject(chapter.which, chapter.backend, case.scene, SIZE, chapter.device)

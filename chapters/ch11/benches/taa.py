@@ -1,7 +1,7 @@
 """What each mode of temporal anti-aliasing leaves of errors, ghosts and flicker: `strata bench 11 --only taa`.
 
-Each mode draws the same sequences of frames: views at rest, pans, and small scenes in which one thing moves or flickers.
-Frames are held to the same frames with 64 samples a pixel (`taa_truth.py`), over time:
+Each mode draws the same sequences of frames: views at rest, pans, and small scenes in which one thing moves or
+flickers. Frames are held to the same frames with 64 samples a pixel (`taa_truth.py`), over time:
 
 - PSNR in decibels, of the mean squared error of all frames, and of the last one.
 - Flicker in codes of 255: how much pixels change otherwise than those of the reference (`common.reports.sequences`).
@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from common.reports.benches import Effort, Subject, moved_view
-from common.reports.sequences import OverTime, flicker, ghost, mtf50
+from common.reports.sequences import OverTime, ghost, mtf50
 from common.reports.tables import table
 from common.scene import Scene
 from common.settings import knobs
@@ -35,6 +35,7 @@ from . import taa_scenes as scenes
 from .pass_times import Groups, is_software, times_of
 from .taa_scenes import Case
 from .taa_truth import Reference, references
+from .taa_truth import shown as in_codes_of_light
 
 KNOB = "taa"
 """The setting; a chapter without it has no history of colour."""
@@ -92,10 +93,10 @@ MODES: tuple[Mode, ...] = (
 """Each choice of the settings by itself; the default ones are in `FULL`."""
 
 DEPTHLESS: tuple[Mode, ...] = tuple(
-    (f"any depth, {one}", full(constraint=one, tolerance=0.0))
+    (f"blind {one}", full(constraint=one, tolerance=0.0))
     for one in ("none", "clamp", "clip", "variance", "variance-clamp")
 )
-"""Constraints that must remove ghosts alone, without the help of depth: for scenes with a disocclusion."""
+"""Constraints that must remove ghosts alone, blind for depth: for scenes with a disocclusion."""
 
 QUICK_MODES = (OFF, FULL)
 
@@ -170,7 +171,7 @@ def sequence(
         ("rest", "psnr_rest", "flicker_rest", "ghost_max", "ghost_mean", "ghost_ages", "mtf50", "sharpest")
     )
     drawn = subject.on(case.scene)
-    outputs = {"color", "color_linear"} if case.edge is not None else {"color"}
+    outputs = {"color"} if case.edge is None and case.passing is None else {"color", "color_linear"}
     over, sharp, seen = OverTime(flip=False), [], []
     with drawn.open(settings, outputs) as renderer:
         first = drawn.view(renderer)
@@ -180,18 +181,22 @@ def sequence(
             if frame == 0 and not case.moves:
                 view = replace(view, cut=True)
             picture = renderer.render(view, case.time(frame))
-            seen.append(codes(picture))
-            over.add(seen[-1], truth[frame if case.moves else 0].shown)
+            if case.passing is not None:
+                seen.append(unrounded(picture, view))
+            over.add(codes(picture), truth[frame if case.moves else 0].shown)
             if case.edge is not None and frame >= frames - SHARP_FRAMES:
                 light = picture.image("color_linear").mean(axis=-1) * exposure(view.ev100)
                 sharp.append(mtf50(light, case.edge))
         if not case.moves:
             figures |= rest(renderer, case.view(first, 0), frames, truth[0].shown)
     if case.passing is not None:
-        with hidden(case.scene, case.passing), drawn.open(settings, {"color"}) as renderer:
+        with hidden(case.scene, case.passing), drawn.open(settings, {"color_linear"}) as renderer:
             first = drawn.view(renderer)
             begin(renderer, case, first)
-            without = [codes(renderer.render(case.view(first, at), case.time(at))) for at in range(frames)]
+            views = [case.view(first, frame) for frame in range(frames)]
+            without = [
+                unrounded(renderer.render(view, case.time(frame)), view) for frame, view in enumerate(views)
+            ]
         figures |= ghosts(seen, without, truth)
     if sharp:
         finite = [one for one in sharp if math.isfinite(one)]
@@ -220,6 +225,11 @@ def begin(renderer: Any, case: Case, first: View) -> None:
 def codes(frame: Any) -> NDArray[np.float64]:
     """Return what a frame shows (H, W, 3), 0 to 1."""
     return np.asarray(frame.image("color")[..., :3] / 255.0)
+
+
+def unrounded(frame: Any, view: View) -> NDArray[np.float64]:
+    """Return the same without the rounding to 8 bits, which moves small differences by a code."""
+    return in_codes_of_light(frame.image("color_linear") * exposure(view.ev100))
 
 
 def decibels(value: float | None) -> float | None:
@@ -331,20 +341,23 @@ def show(record: dict[str, Any], to: Console) -> None:
     rows = {(row["case"], row["mode"]): row for row in record["rows"]}
     names = list(dict.fromkeys(case for case, _ in rows))
     modes = list(dict.fromkeys(mode for _, mode in rows))
-    shown = table(
-        f"PSNR in dB over {record['frames']} frames, {width}x{height}, 64 samples a pixel as reference",
-        "",
-        *(f">{SHORT.get(name, name)}" for name in names),
-    )
-    for mode in modes:
-        cells = (rows.get((name, mode), {}).get("psnr") for name in names)
-        shown.add_row(mode, *(_cell(value, ".1f") for value in cells))
-    to.print(shown)
+    for some in (names[:4], names[4:]):  # all of them would need more than 80 columns
+        shown = table(
+            f"PSNR in dB over {record['frames']} frames of {width}x{height} against 64 samples a pixel",
+            "",
+            *(f">{SHORT.get(name, name)}" for name in some),
+        )
+        for mode in modes:
+            cells = [rows.get((name, mode), {}).get("psnr") for name in some]
+            if any(value is not None for value in cells):
+                shown.add_row(mode, *(_cell(value, ".1f") for value in cells))
+        if some:
+            to.print(shown)
     unit = "by the clock" if record["clock"] else "on the GPU"
     times = {row["mode"]: row for row in record["times"]}
     shown = table(
         f"Flicker and ghosts in codes of 255, MTF50 in cycles per pixel, ms {unit}",
-        *("", ">flicker", ">at rest", ">ghost", ">mean", ">MTF50", ">taa", ">±", ">motion"),
+        *("", ">flicker", ">rest", ">ghost", ">mean", ">MTF50", ">taa", ">±", ">motion"),
     )
     for mode in modes:
         found = [rows[name, mode] for name in names if (name, mode) in rows]
@@ -360,7 +373,7 @@ def show(record: dict[str, Any], to: Console) -> None:
             _cell(worst["flicker_rest"], ".2g"),
             _cell(worst["ghost_max"], ".1f"),
             _cell(worst["ghost_mean"], ".2f"),
-            "no limit" if sharpest else _cell(worst["mtf50"], ".2f"),
+            "inf" if sharpest else _cell(worst["mtf50"], ".2f"),
             *(_cell(time.get(name), form) for name, form in TIMES),
         )
     to.print(shown)

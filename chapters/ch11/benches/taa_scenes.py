@@ -16,8 +16,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from common.numerics.transforms import compose, pose_looking_at, quaternion_from_axis_angle, translation
 from common.reports.benches import Subject
-from common.scene import MESH_DTYPE, Animation, AnimationChannel, Image, Instances, Light, Material, Nodes
-from common.scene import Sampler, Scene, TextureRef
+from common.scene import (
+    MESH_DTYPE,
+    Animation,
+    AnimationChannel,
+    Image,
+    Instances,
+    Light,
+    Material,
+    Nodes,
+    Sampler,
+    Scene,
+    TextureRef,
+)
 from common.settings import knobs, preset, replaced
 from common.view.camera import Perspective, View
 
@@ -277,8 +288,7 @@ def edge(size: tuple[int, int]) -> Case:
     lean = 4.0 * math.tan(EDGE_ANGLE)
     corners = np.array([[(lean, -4, 0.01), (far, -4, 0.01), (far, 4, 0.01), (-lean, 4, 0.01)]], np.float64)
     parts = [wall(unlit(0.15, 0.15, 0.15)), Part(corners, unlit(0.6, 0.6, 0.6), np.eye(4))]
-    case = Case("edge", scene_of("edge", parts), panned(PAN_PX * pixel(size)), edge=EDGE_ANGLE)
-    return case
+    return Case("edge", scene_of("edge", parts), panned(PAN_PX * pixel(size)), edge=EDGE_ANGLE)
 
 
 def large(subject: Subject, name: str, pan: bool) -> Case:

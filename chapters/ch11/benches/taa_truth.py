@@ -25,7 +25,7 @@ SAMPLES = 8
 
 
 class Reference(NamedTuple):
-    """One frame as it should be: (H, W, 3) what is shown, 0 to 1, and the light; (H, W) whether the object covers it."""
+    """One frame as it should be: (H, W, 3) what is shown, 0 to 1, and light; (H, W) whether the object covers it."""
 
     shown: Float64
     light: Float64
