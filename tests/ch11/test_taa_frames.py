@@ -12,6 +12,8 @@ from chapters.ch11.pipelines.description import PipelineDescription
 from chapters.ch11.post.fullscreen import FullscreenPass
 from chapters.ch11.settings import Settings
 from chapters.ch11.taa import model
+from chapters.ch11.taa.jitter import SEQUENCES, offsets
+from common import layouts
 from common.scene import Material
 from common.settings import replaced
 from tests.support.taa import (
@@ -275,6 +277,24 @@ def test_transparent_surfaces_take_from_the_history(chapter, graph):
 
 
 # --- what jitter must not touch ---
+
+
+@pytest.mark.feature("taa/jitter-sequences")
+@pytest.mark.parametrize("name", SEQUENCES)
+def test_shaders_know_the_jitter_of_this_frame_and_of_the_one_before(chapter, scene, name):
+    """In ndc: a pixel is 2 / size. A period begins again after its last frame, and so does a sequence after a cut."""
+    shifts = offsets(name, PERIOD) * 2 / np.array(SIZE)
+    with opened(chapter, BASE, scene, jitter=name, taa_average=False) as renderer:
+        for n in range(PERIOD + 2):
+            frame = renderer.render(VIEW)
+            slots = [slot.frame.view(layouts.dtype("FrameConstants"))[0] for slot in renderer._data.slots]
+            (own,) = (slot for slot in slots if slot["frame_index"] == frame.index)
+            assert np.allclose(own["jitter"], shifts[n % PERIOD], atol=1e-7)
+            assert np.allclose(own["previous_jitter"], shifts[max(n - 1, 0) % PERIOD], atol=1e-7)
+        renderer.render(replace(VIEW, cut=True))
+        slots = [slot.frame.view(layouts.dtype("FrameConstants"))[0] for slot in renderer._data.slots]
+        assert any(np.allclose(slot["jitter"], shifts[0], atol=1e-7) for slot in slots)
+    assert len(np.unique(np.round(shifts, 9), axis=0)) == PERIOD
 
 
 @pytest.mark.feature("taa/projection-jitter")

@@ -62,6 +62,7 @@ def test_without_a_history_there_is_no_bias(chapter):
         picture(chapter, taa="off", mip_bias=-1.0), picture(chapter, taa="off", mip_bias=0.0)
     )
     assert np.array_equal(picture(chapter, mip_bias=0.0), picture(chapter, taa="off"))
+    assert not np.array_equal(picture(chapter, mip_bias=1.0), picture(chapter, taa="off"))
 
 
 @pytest.mark.feature("taa/uv-unjitter")
