@@ -100,14 +100,14 @@ def box(x: float, y: float, z: float) -> Float64:
     return np.stack([side * sign for side in sides for sign in (1, -1)]) * (x, y, z)
 
 
-def unlit(*color: float) -> Material:
+def unlit(red: float, green: float, blue: float) -> Material:
     """Return a material whose colour is what is seen, from both sides."""
-    return Material(base_color=(*color, 1.0), unlit=True, double_sided=True)
+    return Material(base_color=(red, green, blue, 1.0), unlit=True, double_sided=True)
 
 
-def lit(*color: float, texture: TextureRef | None = None) -> Material:
+def lit(red: float, green: float, blue: float, texture: TextureRef | None = None) -> Material:
     """Return a rough material, seen from both sides."""
-    made = Material(base_color=(*color, 1.0), metallic=0.0, roughness=1.0, double_sided=True)
+    made = Material(base_color=(red, green, blue, 1.0), metallic=0.0, roughness=1.0, double_sided=True)
     return replace(made, base_color_texture=texture)
 
 
@@ -128,7 +128,10 @@ def scene_of(
     animations: Iterable[Animation] = (),
 ) -> Scene:
     """Return a scene of parts, whose nodes come first, and lights with their places, whose nodes follow."""
-    positions, normals, uv, meshes = [], [], [], np.zeros(len(parts), MESH_DTYPE)
+    positions: list[Float64] = []
+    normals: list[Float64] = []
+    uv: list[Float64] = []
+    meshes = np.zeros(len(parts), MESH_DTYPE)
     indices: list[NDArray[np.intp]] = []
     for number, part in enumerate(parts):
         count = len(part.quads)
@@ -136,8 +139,8 @@ def scene_of(
         flat = flat / np.linalg.norm(flat, axis=1)[:, None]
         outward = np.where(((flat * part.quads.mean(axis=1)).sum(axis=1) < 0.0) & (count > 1), -1.0, 1.0)
         row = meshes[number]
-        row["first_vertex"], row["vertex_count"] = sum(map(len, positions)), 4 * count
-        row["first_index"], row["index_count"] = sum(map(len, indices)), 6 * count
+        row["first_vertex"], row["vertex_count"] = sum(len(one) for one in positions), 4 * count
+        row["first_index"], row["index_count"] = sum(len(one) for one in indices), 6 * count
         row["material"] = number
         corners = part.quads.reshape(-1, 3)
         row["bounds_min"], row["bounds_max"] = corners.min(axis=0), corners.max(axis=0)
@@ -165,7 +168,7 @@ def scene_of(
         path=None,
         positions=np.concatenate(positions).astype(np.float32),
         normals=np.concatenate(normals).astype(np.float32),
-        tangents=np.tile(np.float32((1, 0, 0, 1)), (sum(map(len, positions)), 1)),
+        tangents=np.tile(np.array((1, 0, 0, 1), np.float32), (sum(len(one) for one in positions), 1)),
         uv0=np.concatenate(uv).astype(np.float32),
         uv1=None,
         colors=None,
