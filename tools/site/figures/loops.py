@@ -311,7 +311,7 @@ def files() -> dict[str, tuple[Callable[[], bytes], list[Path]]]:
         for end, colors in SCHEMES.items():
             found[f"{name}{end}.webp"] = (partial(loop.file, colors), [*mine, *more[name]])
     found["ch05-cloth-loop.webp"] = (cloth, [*mine, *inputs.chapter(5), *inputs.scene("cloth")])
-    along = [HERE / name for name in ("film.py", "recorded.py", "ch11/walk.py")]
+    along = [HERE / "film.py", HERE / "ch11" / "walk.py"]
     drawn = [*inputs.chapter(ch11_walk.CHAPTER), *inputs.scene(ch11_walk.SCENE)]
     found["ch11-walk-loop.webp"] = (ch11_walk.walk, [*along, *drawn])
     return found

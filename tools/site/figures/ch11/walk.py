@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import chapters
+from tools.run.loops import GAP, recorded
 from tools.site.figures.film import Loop
-from tools.site.figures.recorded import GAP, recorded
 
 CHAPTER, SCENE, PATH = 11, "market", "walk"
-SIZE, FRAMES, RATE = (192, 108), 20, 12.0
+SIZE, FRAMES, RATE = (160, 90), 13, 12.0
 
 WALK = Loop(
     "The market along a path, without a history on the left and with it on the right",
