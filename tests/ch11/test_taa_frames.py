@@ -79,6 +79,7 @@ def test_the_simple_mode_blends_a_tenth(chapter, scene, samples):
     assert np.array_equal(first, samples[0])
     for found, before, now in ((second, first, samples[1]), (third, second, samples[2])):
         assert np.abs(found - (0.9 * before + 0.1 * now)).max() <= 8 * UNIT * now.max()
+        assert not np.array_equal(found, before)
 
 
 @pytest.mark.feature("taa/simple")
@@ -288,7 +289,7 @@ def test_shaders_know_the_jitter_of_this_frame_and_of_the_one_before(chapter, sc
         for n in range(PERIOD + 2):
             frame = renderer.render(VIEW)
             slots = [slot.frame.view(layouts.dtype("FrameConstants"))[0] for slot in renderer._data.slots]
-            (own,) = (slot for slot in slots if slot["frame_index"] == frame.index)
+            (own,) = (it for it in slots if it["frame_index"] == frame.index and it["size"][0] == SIZE[0])
             assert np.allclose(own["jitter"], shifts[n % PERIOD], atol=1e-7)
             assert np.allclose(own["previous_jitter"], shifts[max(n - 1, 0) % PERIOD], atol=1e-7)
         renderer.render(replace(VIEW, cut=True))
