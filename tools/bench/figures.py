@@ -13,21 +13,9 @@ from typing import Any
 
 FACTS = frozenset(
     {
-        *(
-            "samples",
-            "instances",
-            "lights",
-            "textures",
-            "textures_resident",
-            "passes_skipped",
-            "recorded_parts",
-        ),
-        *(
-            "recording_threads",
-            "transient_bytes_alone",
-            "transient_bytes_bound",
-            "cloths_at_rest",
-        ),
+        *("samples", "instances", "lights", "textures", "textures_resident"),
+        *("passes_skipped", "recorded_parts", "recording_threads"),
+        *("transient_bytes_alone", "transient_bytes_bound", "cloths_at_rest"),
         *("cloth_particles", "bytes", "decoded_bytes", "visible"),
         *("instances_tested", "instances_outside", "instances_hidden", "instances_coarser"),
         *("meshlets_outside", "meshlets_away", "meshlets_hidden"),
