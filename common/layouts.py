@@ -207,7 +207,8 @@ def fill_frame_constants(
     unless given (adaptation finds its own). `environment` is (nits of a stored 1, cosine and sine of the turn, last
     level). `history_share` is the share of this frame in the history of colour; with `averaging` that history is the
     mean of frames that show the same. `aspect` is that of the finished picture, if its size is another one. The
-    origin is subtracted from the poses in float64, and every product and inverse is made there, so that only finished matrices are rounded to float32.
+    origin is subtracted from the poses in float64, and every product and inverse is made there, so that only finished
+    matrices are rounded to float32.
     """
     width, height = size
     placed = np.asarray(origin, np.float64).tobytes()

@@ -25,7 +25,9 @@ class EnlargePass(FullscreenPass):
         self.reads = (Access(image + DRAWN, "sampled", format=integer),)
         depth = image == "depth"
         self.writes = (
-            Access(image, "depth" if depth else "color", format=self._format, clear=(0.0,) if depth else None),
+            Access(
+                image, "depth" if depth else "color", format=self._format, clear=(0.0,) if depth else None
+            ),
         )
 
     @staticmethod

@@ -19,7 +19,7 @@ HALF_SLACK = 5e-4
 RESIDUE = 0.05
 """Part of an earlier history in the mean of frames that show the same."""
 
-KERNEL_RADIUS = 1.5
+KERNEL_RADIUS = 1.25
 """Radius of the kernel that weights samples which are drawn at a scale, in pixels of the picture."""
 
 HARRIS_MEAN = 0.35875

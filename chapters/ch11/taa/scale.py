@@ -19,7 +19,7 @@ from ..graph.types import GraphError, Node
 from ..settings import Settings
 from . import model
 
-SAMPLES = 8
+SAMPLES = 16
 """Samples of each pixel of the picture in a period of jitter, at least, on average."""
 
 DRAWN = "_drawn"

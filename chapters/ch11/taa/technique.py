@@ -31,9 +31,7 @@ class TaaTechnique(Technique):
         self.settles_last = self._on
         self._scaled = model.scale(settings) < 1.0
         self._period = scale.period(settings)
-        self._shares = model.Shares(
-            settings.taa.taa_share, self._period, model.averages(settings)
-        )
+        self._shares = model.Shares(settings.taa.taa_share, self._period, model.averages(settings))
         self._index = 0
         self._jitter = (0.0, 0.0)
         self._reset = True

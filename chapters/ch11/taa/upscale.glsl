@@ -15,7 +15,7 @@ struct Drawn {
     float confidence;  // the weight of the nearest sample, 1 at the pixel's centre
 };
 
-Drawn drawn;
+Drawn drawn = Drawn(ivec2(0), vec3(0.0), vec3(0.0), 0.0, 0.0);
 
 // The least weight: that of samples farther away than the kernel reaches, if a pixel at the border has no others.
 const float LEAST_WEIGHT = 1e-5;
