@@ -30,7 +30,7 @@ class TaaPass(Pass):
 
     name = "taa"
     sources = BEHIND_SCENE
-    reads = (
+    reads: tuple[Access, ...] = (
         Access("color_hdr", "sampled"),
         Access("depth", "sampled"),
         Access("motion", "sampled"),
