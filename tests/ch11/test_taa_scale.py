@@ -316,7 +316,7 @@ def test_two_thirds_take_two_thirds_of_the_time_where_shading_dominates(chapter)
         for renderer in (whole, part):
             renderer.wait_loaded()
         view = chapters.view_of(whole)
-        for n in range(10):
+        for n in range(7):
             for scale_, renderer in ((1.0, whole), (SCALE, part)):
                 began = time.process_time()
                 renderer.render(turned(view, 0.002 * n)).image("color_linear")
