@@ -428,11 +428,7 @@ class Technique:
         return pose
 
     def constants(self, frame: FrameInfo) -> dict[str, Any]:
-        """Return the arguments of `common.layouts.fill_frame_constants` that the subject decides in this frame.
-
-        It is called once for each frame, before `prepare`. Chapters before the one on temporal anti-aliasing do not
-        call it.
-        """
+        """Return arguments of `common.layouts.fill_frame_constants`; called once a frame, from chapter 11 on."""
         return {}
 
     def prepare(self, frame: FrameInfo) -> int:

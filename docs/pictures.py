@@ -338,6 +338,27 @@ def fog_sheet(cell: tuple[int, int] = (264, 148), frames: int = 16) -> NDArray[A
     return np.concatenate(cells, axis=1)
 
 
+TAA = 11
+"""The chapter whose edges the sheet shows."""
+
+
+def edges_sheet(
+    size: tuple[int, int] = (480, 270), at: tuple[int, int] = (190, 62), cell: tuple[int, int] = (88, 50)
+) -> NDArray[Any]:
+    """Return (H, W, 3): a part of the atrium, three times as large: one sample a pixel, FXAA, and a history at rest."""
+    scene, cells = load_scene(locate("atrium")), []
+    for taa, fxaa in (("off", False), ("off", True), ("full", False)):
+        settings: Any = replaced(preset(chapters.settings_class(TAA), "medium"), taa=taa, fxaa=fxaa)
+        with chapters.open(TAA, "auto", scene=scene, size=size, settings=settings) as renderer:
+            view = chapters.view_of(renderer)
+            frame = renderer.render(view)
+            while not renderer.idle(view):
+                frame = renderer.render(view)
+            shown = frame.image("color")[at[1] : at[1] + cell[1], at[0] : at[0] + cell[0], :3]
+        cells.append(shown.repeat(3, axis=0).repeat(3, axis=1))
+    return np.concatenate(cells, axis=1)
+
+
 def pyramid_sheet(cell: tuple[int, int] = (330, 186), shown: Sequence[int] = (0, 3, 5)) -> NDArray[Any]:
     """Return (H, W, 3): a street, and levels of its depth pyramid, each texel over the pixels below it."""
     settings: Any = preset(chapters.settings_class(CULLING), "medium")
@@ -379,6 +400,7 @@ SHEETS = {
     "ch08-atrium": shadows_sheet,
     "ch09-atrium": rates_sheet,
     "ch10-atrium": fog_sheet,
+    "ch11-atrium": edges_sheet,
 }
 
 
@@ -392,6 +414,7 @@ COVERS: dict[str, int] = {
     "ch08-atrium": SHADOWS,
     "ch09-atrium": RATES,
     "ch10-atrium": FOG,
+    "ch11-atrium": TAA,
 }
 """The chapter that draws a sheet; GRAPH for the others."""
 

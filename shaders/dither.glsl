@@ -19,10 +19,11 @@ float triangle_of(float even) {
 // Codes from 0 to 1 with noise of `steps` steps of 8 bits each way. Rounding them to 8 bits has the code as its mean, for
 // whole `steps`; with a triangular density its variance is the same at all codes (Lipshitz, Wannamaker and Vanderkooy
 // 1992, "Quantization and Dither: A Theoretical Survey"). Near black and white there is no room for that. There even noise
-// of one step has the same mean, and black and white stay what they are.
+// of one step has the same mean, and black and white stay what they are: a step is a little shorter, since devices differ
+// in how they round a half.
 vec3 dithered_code(vec3 code, float even, float steps) {
     vec3 value = 255.0 * code;
     bvec3 edge = lessThan(min(value, 255.0 - value), vec3(steps));
-    vec3 noise = mix(vec3(steps * triangle_of(even)), vec3(min(steps, 1.0) * (even - 0.5)), edge);
+    vec3 noise = mix(vec3(steps * triangle_of(even)), vec3(min(steps, 1.0) * clamp(even - 0.5, -0.49996, 0.49996)), edge);
     return (value + noise) / 255.0;
 }

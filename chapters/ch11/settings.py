@@ -21,7 +21,6 @@ from .frames.settings import FrameSettings
 from .graph.settings import GraphSettings
 from .hdr.settings import HdrSettings
 from .loading.settings import LoadingSettings
-from .post.finish_settings import FinishSettings
 from .post.settings import PostSettings
 from .rates.settings import RateSettings
 from .scene.settings import SceneSettings
@@ -168,7 +167,6 @@ class Settings(Grouped):
     queues: QueueSettings = group(QueueSettings)
     shading: ShadingSettings = group(ShadingSettings)
     post: PostSettings = group(PostSettings)
-    finish: FinishSettings = group(FinishSettings)
     environment: EnvironmentSettings = group(EnvironmentSettings)
     frames: FrameSettings = group(FrameSettings)
     loading: LoadingSettings = group(LoadingSettings)

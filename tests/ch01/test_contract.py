@@ -36,12 +36,14 @@ def renderer(chapter):
 def test_outputs_have_their_shapes_and_types(renderer):
     frame = renderer.render(facing())
     shapes = {name: (frame.image(name).shape, frame.image(name).dtype) for name in OUTPUTS}
-    assert shapes == {
+    expected = {
         "color": ((32, 32, 3), np.uint8),
         "color_linear": ((32, 32, 3), np.float32),
         "depth": ((32, 32), np.float32),
         "instance_id": ((32, 32), np.uint32),
+        "motion": ((32, 32, 2), np.float32),  # from the lesson on that draws it
     }
+    assert shapes == {name: expected[name] for name in OUTPUTS} and len(shapes) >= 4
 
 
 @pytest.mark.feature("device/depth-format")
@@ -132,7 +134,8 @@ def test_a_frame_says_why_it_starts_without_history(chapter):
 
 def test_timings_name_the_passes_in_order(renderer):
     frame = renderer.render(facing())
-    assert list(frame.timings) == ["forward", "instance_id", "tonemap"]
+    motion = ["motion", "motion_objects"] if "motion" in OUTPUTS else []
+    assert list(frame.timings) == ["forward", "instance_id", *motion, "tonemap"]
     assert all(milliseconds >= 0.0 for milliseconds in frame.timings.values())
 
 

@@ -174,4 +174,4 @@ def test_every_pass_stands_in_a_debug_group_of_its_name(chapter):
     passes = [*frame.timings]
     assert {"instance_id", "tonemap"} < {*passes}
     assert groups == [*passes, "copy outputs"] and not open_groups
-    assert {*draws} == {(name,) for name in passes}
+    assert {*draws} == {(name,) for name in passes} - {("motion_objects",)}  # nothing has moved

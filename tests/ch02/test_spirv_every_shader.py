@@ -140,6 +140,16 @@ GIVEN_FROM_9 = {
     "TILE": 16,
 }
 GIVEN_FROM_10 = {"FOG_BOXES": 16, "FORMAT": "rgba16f", "RESULT_BINDING": 2}
+GIVEN_FROM_11 = {
+    "AMOUNT": 1.0,
+    "CONTRAST": 0.125,
+    "LEAST_CONTRAST": 0.04,
+    "DETAIL": 0.75,
+    "SHUTTER": 1.0,
+    "LONGEST": 64.0,
+    "RAW": 2,
+    "SPLIT_AT": 0.5,
+}
 GIVEN_IN: dict[str, dict[str, int | float | str | None]] = {
     "ssao": {"STEP": "ivec2(1, 0)"},
     "rates": {
@@ -191,6 +201,7 @@ def built(path, defines):
         (GIVEN_FROM_8, "ch08"),
         (GIVEN_FROM_9, "ch09"),
         (GIVEN_FROM_10, "ch10"),
+        (GIVEN_FROM_11, "ch11"),
         *((it, "ch07") for folder, it in GIVEN_IN.items() if folder in own),
     ]
     host: dict[str, int | float | str | None] = {}

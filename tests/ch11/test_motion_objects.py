@@ -12,15 +12,13 @@ from chapters.ch11.motion import model
 from chapters.ch11.settings import Settings
 from common.numerics.transforms import pose_looking_at
 from common.scene import Animation, AnimationChannel, Deformation, Material
-from common.scene.pose import evaluate_pose
-from common.settings import replaced
 from common.view.camera import Orthographic, Perspective, View
 from tests.support.cloth_runs import VIEW as CLOTH_VIEW
 from tests.support.cloth_runs import state
 from tests.support.cloth_scenes import cloth, cloth_scene_of, sheet
 from tests.support.culled_frames import ways
-from tests.support.motion import SIZE, assert_close, motions, triangles_of
-from tests.support.scenes import facing, moved, nodes_at, quad_scene, scaled
+from tests.support.motion import LOOSE_PX, SIZE, assert_close, motions, triangles_of
+from tests.support.scenes import moved, nodes_at, quad_scene, scaled
 from tests.support.shadows import bending, bent, yard
 from tests.support.towns import KINDS, ball, cube, of_shapes
 from tests.twins import motion as twin
@@ -73,6 +71,7 @@ def move(scene, motion, nodes=CUBE):
 # --- rigid objects ---
 
 
+@pytest.mark.variants("vulkan", "without-all", "gl")
 @pytest.mark.feature("motion-vectors/objects", "motion-vectors/camera")
 @pytest.mark.parametrize("view", [VIEW, ASIDE], ids=["still", "walking"])
 @pytest.mark.parametrize("lens", [WIDE, FLAT], ids=["perspective", "orthographic"])
@@ -86,7 +85,11 @@ def test_a_cube_that_moves_and_turns(chapter, view, lens):
         now = triangles_of(scene)
         frame = renderer.render(view)
         seen, work = frame.image("motion"), frame.work
-        assert_close(seen, *twin.motion(view, before, SIZE, now, then))
+        # A GPU puts corners on a grid of 1/256 pixel: a face that is seen from the side has other vectors nearby.
+        loose = LOOSE_PX if chapter.device.capabilities.is_software else 0.2
+        assert_close(seen, *twin.motion(view, before, SIZE, now, then), loose=loose)
+        with pytest.raises(AssertionError):  # the present model matrix leaves the motion of the camera alone
+            assert_close(seen, *twin.motion(view, before, SIZE, now, now))
         assert work["motion_objects"] == len(CUBE)
         frame = renderer.render(view)
         assert frame.work["motion_objects"] == 0
@@ -99,7 +102,9 @@ def test_a_reset_a_cut_and_a_resize_have_no_frame_before(chapter):
     scene = yard(material=UNLIT)
     with chapter.open(scene, SIZE, outputs={"motion"}) as renderer:
         assert not renderer.render(VIEW).image("motion").any()
-        for step, begin in enumerate((lambda: renderer.reset_history("a test"), lambda: renderer.resize((40, 30)))):
+        for step, begin in enumerate(
+            (lambda: renderer.reset_history("a test"), lambda: renderer.resize((40, 30)))
+        ):
             move(scene, turned(0.1))
             begin()
             frame = renderer.render((VIEW, ASIDE)[step])
@@ -166,6 +171,7 @@ def bent_between(view, before, now, then):
     return twin.motion(view, before, SIZE, bent(now), bent(then))
 
 
+@pytest.mark.variants("vulkan", "without-all", "gl")
 @pytest.mark.feature("motion-vectors/objects")
 def test_a_skin_that_bends(chapter):
     """Each frame knows the vertices of the one before; at the same time again, zero to the bit."""
@@ -199,7 +205,9 @@ def morphing():
     nodes = nodes_at(np.eye(4))
     nodes.has_matrix[:] = False
     nodes.weights[0] = np.zeros(2)
-    channel = AnimationChannel(0, "weights", np.array((0.0, 1.0)), np.array([(0, 0), (1, 0.5)], np.float64), "linear")
+    channel = AnimationChannel(
+        0, "weights", np.array((0.0, 1.0)), np.array([(0, 0), (1, 0.5)], np.float64), "linear"
+    )
     return replace(
         scene,
         nodes=nodes,
@@ -286,7 +294,9 @@ def crowd_frames(chapter, **knobs):
     seen = []
     with chapter.open(scene, SIZE, Settings(shadows="off", **knobs), outputs={"motion"}) as renderer:
         for k in range(3):
-            view = View(pose_looking_at((0.2 * k, 1.0, 4.0 - 0.2 * k), (0.0, 0.2, -2.0)), Perspective(0.9, 0.05))
+            view = View(
+                pose_looking_at((0.2 * k, 1.0, 4.0 - 0.2 * k), (0.0, 0.2, -2.0)), Perspective(0.9, 0.05)
+            )
             seen.append(renderer.render(view).image("motion"))
             for node in range(1, 20, 2):
                 move(scene, turned(0.02 * node, (0.05, 0.02, -0.03)), [node])
@@ -325,3 +335,50 @@ def test_without_a_reader_no_pass_of_motion_exists(chapter):
         renderer.render(VIEW)
         assert not {"motion", "motion_objects"} & {it.name for it in renderer.passes}
         assert "motion_objects" not in renderer.render(ASIDE).work
+
+
+@pytest.mark.feature("motion-vectors/objects")
+@pytest.mark.variants("vulkan")
+def test_cloth_waits_for_the_frame_that_still_reads_its_slot(chapter):
+    """The frame before reads the vertices that this one overwrites, as its previous ones; without motion none does."""
+    scene = cloth_scene_of(cloth(pins=(0,)), light=False, material=UNLIT)
+    for output, waits in (("color", False), ("motion", True)):
+        with chapter.open(scene, SIZE, Settings(shadows="off"), outputs={output}) as renderer:
+            plan = renderer._plan
+            graph = plan.compile(
+                renderer.size, renderer.scene, renderer._settings, queues=("graphics", "compute")
+            )
+            (simulation,) = [batch for batch in graph.batches if batch.queue == "compute"]
+            assert [graph.steps[step].name for step in simulation.steps] == ["cloth"]
+            ahead = [graph.batches[wait.batch] for wait in simulation.waits]
+            assert [batch.queue for batch in ahead] == ["graphics"] * waits
+
+
+@pytest.mark.feature("motion-vectors/objects")
+@pytest.mark.variants("vulkan")
+def test_copies_of_a_skin_wait_for_the_frame_that_still_reads_its_slot(chapter):
+    """One more barrier in a frame with motion, before the copies."""
+    counts = {}
+    for output in ("depth", "motion"):
+        with chapter.open(leaning(), SIZE, outputs={output}) as renderer:
+            for time in (0.0, 0.1, 0.2):
+                renderer.render(FRONT, time)
+            with chapter.calls() as calls:
+                renderer.render(FRONT, 0.3)
+            copy = calls.index("vkCmdCopyBuffer")
+            counts[output] = calls[:copy].count("vkCmdPipelineBarrier2")
+    assert counts == {"depth": 0, "motion": 1}
+
+
+@pytest.mark.feature("motion-vectors/objects")
+def test_a_skin_whose_pages_are_replaced_has_no_vertices_before(chapter):
+    """A material that is lit from now on needs normals: all streams are uploaded anew, as they were modelled."""
+    scene = leaning()
+    with chapter.open(scene, SIZE, Settings(shadows="off"), outputs={"motion", "color"}) as renderer:
+        for time in (0.0, 0.1):
+            renderer.render(FRONT, time)
+        with scene.edit() as edit:
+            edit.set_material(0, replace(UNLIT, unlit=False))
+        assert not renderer.render(FRONT, 0.25).image("motion").view(np.uint32).any()
+        seen = renderer.render(FRONT_ASIDE, 0.4).image("motion")
+        assert_close(seen, *bent_between(FRONT_ASIDE, FRONT, 0.4, 0.25))

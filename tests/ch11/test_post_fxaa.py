@@ -83,9 +83,7 @@ def test_it_is_that_of_its_definition_and_commutes_with_mirrors_and_transpositio
     wanted = 255 * twin.fxaa(before / 255.0, 0.125, LEAST_CONTRAST, 0.75, STEPS)
     assert np.abs(after - wanted).max() < 0.6
     assert (np.abs(after - before).max(-1) > 4).mean() > 0.02
-    found = [
-        back(number, after[MARGIN : MARGIN + TILE, x : x + TILE]) for number, x in enumerate(places)
-    ]
+    found = [back(number, after[MARGIN : MARGIN + TILE, x : x + TILE]) for number, x in enumerate(places)]
     for other in found[1:]:
         assert np.array_equal(found[0], other)
 

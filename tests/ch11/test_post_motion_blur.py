@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import replace
 
 import numpy as np
@@ -9,11 +10,12 @@ import pytest
 
 from chapters.ch11.settings import Settings
 from common.numerics.transforms import pose_looking_at
+from common.scene import Image, Material
 from common.settings import replaced
 from common.view.camera import Perspective, View
 from tests.support.either import evaluate
 from tests.support.glowing import glowing
-from tests.support.scenes import facing
+from tests.support.scenes import facing, quad_scene, texture, translated
 from tests.support.shadows import PLAIN, point, yard
 
 pytestmark = pytest.mark.variants("vulkan", "gl")
@@ -86,6 +88,41 @@ def test_an_unchanged_camera_returns_the_input_to_the_bit_and_a_changed_one_does
             assert ("motion" in [step.name for step in opened.graph.steps]) == (shutter > 0)
     same = [np.array_equal(one, other) for one, other in zip(*pictures, strict=True)]
     assert same == [True, True, False, True]
+
+
+@pytest.mark.feature("postprocess/motion-blur")
+def test_an_object_that_moves_is_smeared_within_and_what_stands_still_stays_to_the_bit(chapter):
+    """A square with an edge in its middle moves by 6 pixels to the right before a background of noise."""
+    rng = np.random.default_rng(7)
+    noise = np.concatenate([rng.random((HEIGHT, WIDTH, 3)), np.ones((HEIGHT, WIDTH, 1))], -1)
+    halves = np.ones((1, 2, 4), np.float32)
+    halves[:, 0, :3] = 0.25
+    shining = {"base_color": (0.0, 0.0, 0.0, 1.0), "metallic": 1.0, "roughness": 1.0, "emissive": (1.0,) * 3}
+    matrices = np.diag([WIDTH / HEIGHT, 1.0, 1.0, 1.0]), np.diag([1.0, 0.5, 1.0, 1.0])
+    matrices[1][:3, 3] = (-12.0 / HEIGHT, 0.0, 0.5)
+    scene = quad_scene(
+        materials=tuple(Material(**shining, emissive_texture=texture(number)) for number in (0, 1)),
+        images=(Image("noise", noise.astype(np.float32)), Image("halves", halves)),
+        matrices=matrices,
+        instance_materials=(0, 1),
+    )
+    pictures = []
+    for shutter in (0.0, 1.0):
+        moving = copy.deepcopy(scene)
+        with chapter.open(
+            moving, (WIDTH, HEIGHT), replaced(GLOWS, motion_blur=shutter), outputs={"color_linear"}
+        ) as opened:
+            opened.render(panned(0.0))
+            with moving.edit() as edit:
+                edit.set_transform(1, matrix=translated(12.0 / HEIGHT) @ matrices[1])
+            pictures.append(opened.render(panned(0.0)).image("color_linear").astype(np.float64))
+    sharp, blurred = pictures
+    rows, columns = slice(8, 24), slice(32, 64)
+    outside = np.ones((HEIGHT, WIDTH), bool)
+    outside[rows, columns] = False
+    assert np.array_equal(sharp[outside], blurred[outside])
+    ramp = np.clip((np.arange(-16, 16) + 0.5) / 6 + 0.5, 0.0, 1.0) * 0.75 + 0.25
+    assert np.abs(blurred[rows, columns] - ramp[:, None]).max() < 2e-3
 
 
 @pytest.mark.feature("postprocess/motion-blur")

@@ -1,5 +1,4 @@
-"""Frames with a history: what it converges to, when it rests, when it begins anew, and that nothing in it lasts that should
-not."""
+"""Frames with a history: what it converges to, when it rests, when it begins anew, and what must not last in it."""
 
 from __future__ import annotations
 
@@ -13,6 +12,8 @@ from chapters.ch11.pipelines.description import PipelineDescription
 from chapters.ch11.post.fullscreen import FullscreenPass
 from chapters.ch11.settings import Settings
 from chapters.ch11.taa import model
+from chapters.ch11.taa.jitter import SEQUENCES, offsets
+from common import layouts
 from common.scene import Material
 from common.settings import replaced
 from tests.support.taa import (
@@ -238,7 +239,9 @@ def test_what_comes_into_the_picture_is_the_current_colour(chapter, scene):
     y, x = np.indices(found.shape[:2]) + 0.5
     before = x / SIZE[0] - motion[..., 0], y / SIZE[1] - motion[..., 1]
     inside = (before[0] > 0) & (before[0] < 1) & (before[1] > 0) & (before[1] < 1)
-    edge = np.minimum.reduce([np.abs(before[0]), np.abs(1 - before[0]), np.abs(before[1]), np.abs(1 - before[1])])
+    edge = np.minimum.reduce(
+        [np.abs(before[0]), np.abs(1 - before[0]), np.abs(before[1]), np.abs(1 - before[1])]
+    )
     outside = ~inside & (edge > 0.06)  # the 3x3 may follow a vector of a neighbour
     assert outside.sum() > 100 and np.array_equal(found[outside], alone[outside])
     assert (found[inside] != alone[inside]).mean() > 0.2
@@ -250,13 +253,14 @@ def _turn(angle: float) -> np.ndarray:
 
 
 @pytest.mark.feature("taa/history")
-def test_transparent_surfaces_take_from_the_history(chapter):
+@pytest.mark.parametrize("graph", ["forward", "deferred"])
+def test_transparent_surfaces_take_from_the_history(chapter, graph):
     """Each frame's weight w.y falls by the cover times the knob, and the sum is divided by the weights."""
     cover = 0.6
     scene = court(Material(alpha_mode="blend", base_color=(0.8, 0.6, 0.4, cover), double_sided=True))
 
     def second(**turned):
-        with opened(chapter, PLAINLY, scene, **turned) as renderer:
+        with opened(chapter, PLAINLY, scene, graph=graph, **turned) as renderer:
             return frames_of(renderer, 2)
 
     now = second(taa_share=1.0, taa_reactive=0.0)[1]
@@ -273,6 +277,24 @@ def test_transparent_surfaces_take_from_the_history(chapter):
 
 
 # --- what jitter must not touch ---
+
+
+@pytest.mark.feature("taa/jitter-sequences")
+@pytest.mark.parametrize("name", SEQUENCES)
+def test_shaders_know_the_jitter_of_this_frame_and_of_the_one_before(chapter, scene, name):
+    """In ndc: a pixel is 2 / size. A period begins again after its last frame, and so does a sequence after a cut."""
+    shifts = offsets(name, PERIOD) * 2 / np.array(SIZE)
+    with opened(chapter, BASE, scene, jitter=name, taa_average=False) as renderer:
+        for n in range(PERIOD + 2):
+            frame = renderer.render(VIEW)
+            slots = [slot.frame.view(layouts.dtype("FrameConstants"))[0] for slot in renderer._data.slots]
+            (own,) = (slot for slot in slots if slot["frame_index"] == frame.index)
+            assert np.allclose(own["jitter"], shifts[n % PERIOD], atol=1e-7)
+            assert np.allclose(own["previous_jitter"], shifts[max(n - 1, 0) % PERIOD], atol=1e-7)
+        renderer.render(replace(VIEW, cut=True))
+        slots = [slot.frame.view(layouts.dtype("FrameConstants"))[0] for slot in renderer._data.slots]
+        assert any(np.allclose(slot["jitter"], shifts[0], atol=1e-7) for slot in slots)
+    assert len(np.unique(np.round(shifts, 9), axis=0)) == PERIOD
 
 
 @pytest.mark.feature("taa/projection-jitter")
@@ -299,9 +321,15 @@ def test_without_it_nothing_is_made(chapter, scene):
 # --- all modes ---
 
 MODES = (
-    {"taa": "simple"},
-    {"taa_velocity": "longest", "taa_history": "bilinear", "taa_ycocg": False, "taa_weight": "contrast"},
-    {"taa_filter": "mitchell", "taa_constraint": "clip", "taa_weight": "luminance"},
+    {"taa": "simple", "graph": "deferred"},
+    {
+        "graph": "compute",
+        "taa_velocity": "longest",
+        "taa_history": "bilinear",
+        "taa_ycocg": False,
+        "taa_weight": "contrast",
+    },
+    {"graph": "deferred", "taa_filter": "mitchell", "taa_constraint": "clip", "taa_weight": "luminance"},
     {"taa_filter": "blackman-harris", "taa_constraint": "clamp", "taa_velocity": "own", "jitter": "r2"},
     {"taa_filter": "catmull-rom", "taa_constraint": "variance", "steady_uv": True, "jitter": "hammersley"},
     {"taa_filter": "tent", "taa_format": "rgba16f", "jitter": "interleaved-gradient", "taa_weight": "fixed"},

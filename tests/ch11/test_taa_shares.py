@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from chapters.ch11.taa.model import REST_PERIODS, RESIDUE, Shares
+from chapters.ch11.taa.model import RESIDUE, REST_PERIODS, Shares
 
 PERIOD = 4
 WHOLE = REST_PERIODS * PERIOD

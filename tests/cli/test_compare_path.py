@@ -97,6 +97,15 @@ def test_the_frames_of_a_film_are_sheets(strata, tmp_path):
         assert film.n_frames == 3 and film.size[0] > 1000
 
 
+def test_a_map_of_flip_without_its_package_is_refused_before_the_work(strata, tmp_path, monkeypatch):
+    def missing():
+        raise UserError("no package")
+
+    monkeypatch.setattr(metrics, "_flip", missing)
+    code, _, err = strata("compare", 1, 1, *SMALL, "--path", "walk", "--map", "flip")
+    assert (code, err) == (2, "strata: no package\n") and not list(tmp_path.iterdir())
+
+
 def test_a_picture_has_no_path(strata, tmp_path):
     write_image(tmp_path / "a.png", np.zeros((32, 48, 3), np.uint8))
     code, _, err = strata("compare", 1, "a.png", "--path", "walk")

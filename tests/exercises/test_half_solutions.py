@@ -57,6 +57,16 @@ OVERLAP = (
     "clusters/bins.comp",
     " && bin_of(interval.x, first_code) <= bin && bin <= bin_of(interval.y, first_code)",
 )
+MOVED = ("motion/reprojection.glsl", "0.5 * (here - there)")
+PLACE = ("taa/resolve.comp", " / size - moved;")
+SHARED = ("taa/weights.glsl", "shared_out(mix(HISTORY_LEAST, HISTORY_MOST, likeness), share);")
+FINITE = ("taa/resolve.comp", "!any(isnan(color)) && !any(isinf(color))")
+SQUARES = (
+    "taa/neighbourhood.glsl",
+    "        precise vec3 away = samples[i] - mean;\n        squares += away * away;",
+)
+SHARE = ("taa/ages.py", "shares[number] if number else 1.0")
+ALONG = ("post/fxaa.frag", "ivec2(abs(side.y), abs(side.x))")
 AROUND = ("clusters/bounds.comp", "bool around = distance <= radius;")
 MARK = ("shading/normal_code.glsl", "0x80008000u")
 OCCLUDED = ("shading/lighting.frag", "occlusion *= ambient_factor(visible, OCCLUSION_BIAS, OCCLUSION_SCALE);")
@@ -645,6 +655,42 @@ CASES = {
         "the sample of slice 0",
     ),
     "all above the base": ((10, "way-through-layers"), (*BELOW, "0.0"), "upwards through the base"),
+    "a quarter of the difference": (
+        (11, "twice-as-far"),
+        (*MOVED, "0.25 * (here - there)"),
+        "and the vector is",
+    ),
+    "a history of nowhere": (
+        (11, "the-other-way"),
+        (*PLACE, " / size;"),
+        "another colour than without a history",
+    ),
+    "the weights in their order": (
+        (11, "never-quiet"),
+        (*SHARED, "vec2(1.0 - likeness, likeness);"),
+        "the history's weight is",
+    ),
+    "infinities alone": (
+        (11, "never-gone"),
+        (*FINITE, "!any(isinf(color))"),
+        "after a pixel was not a number",
+    ),
+    "an absolute value": (
+        (11, "lost-digits"),
+        (*SQUARES, "        squares += samples[i] * samples[i] - mean * mean;"),
+        "have a deviation of",
+    ),
+    "the first share as it is": ((11, "weights-of-frames"), (*SHARE, "shares[number]"), "a single frame"),
+    "always across": ((11, "across-the-edge"), (*ALONG, "ivec2(1, 0)"), "nearly upright"),
+    "black alone": (
+        (11, "black-into-nothing"),
+        (
+            "post/sharpen.frag",
+            "sharpening(luminance(color.rgb), sum / 9.0, AMOUNT)",
+            "(1.0 + AMOUNT * (1.0 - sum / (9.0 * max(luminance(color.rgb), 1e-6))))",
+        ),
+        "sharpened as they should be",
+    ),
 }
 
 
@@ -804,6 +850,14 @@ RIGHT = {
         (*COLUMN, "ray_stretch((vec2(froxel.xy) + 0.5) / vec2(fog.size.xy), frame.steady_clip_from_view)"),
     ),
     "a small depth for none": ((10, "froxel-of-a-point"), (*AHEAD, "np.maximum(depths, 1e-300)")),
+    "each by its half": ((11, "twice-as-far"), (*MOVED, "0.5 * here - 0.5 * there")),
+    "from the place of the next": ((11, "the-other-way"), (*PLACE, " / size + (-moved);")),
+    "neither of both": ((11, "never-gone"), (*FINITE, "!(any(isnan(color)) || any(isinf(color)))")),
+    "the mean by a product": (
+        (11, "lost-digits"),
+        (*SQUARES, "        squares += (samples[i] - mean) * (samples[i] - mean);"),
+    ),
+    "turned by a right angle": ((11, "across-the-edge"), (*ALONG, "abs(side.yx)")),
 }
 """Solutions that differ from the one of the exercise, and are right."""
 

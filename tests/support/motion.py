@@ -10,14 +10,13 @@ from numpy.typing import NDArray
 
 from common.scene import Scene
 from common.scene.pose import evaluate_pose
-from common.settings import replaced
 from common.view.camera import View
 from tests.support.chapter import Chapter
 from tests.twins.motion import HALF
 
 SIZE = (64, 48)
-LOOSE_PX = 0.02
-"""Float32 positions and depth: measured up to 0.002 pixels on llvmpipe and lavapipe."""
+LOOSE_PX = 1e-3
+"""Float32 positions and depth, beyond the rounding of halves: up to 6e-6 pixels on llvmpipe and lavapipe."""
 
 Float64 = NDArray[np.float64]
 
@@ -62,9 +61,14 @@ def errors_px(seen: np.ndarray, truth: Float64) -> Float64:
 def assert_close(
     seen: np.ndarray, truth: Float64, owner: np.ndarray, certain: NDArray[np.bool_], loose: float = LOOSE_PX
 ) -> None:
-    """Fail unless vectors are those of the twin wherever it is certain, and that is nearly everywhere."""
+    """Fail unless vectors are those of the twin wherever it is certain, and that is nearly everywhere.
+
+    A vector longer than twice the picture must come from outside of the picture, too; how far is of no use to anyone.
+    """
     assert seen.dtype == np.float32 and np.isfinite(seen).all()
-    shown = certain & (np.abs(truth) < 32.0).all(axis=-1)
-    assert shown.mean() > 0.9
+    near = (np.abs(truth) < 2.0).all(axis=-1)
+    shown = certain & near
+    assert certain.mean() > 0.9 and near.mean() > 0.5
+    assert (np.abs(seen[certain & ~near]) > 1.0).any(axis=-1).all()
     worst = errors_px(seen, truth)
     assert worst[shown].max() < loose, np.argwhere(shown & (worst >= loose))[:8]

@@ -42,7 +42,9 @@ def court(material: Material | None = None) -> Scene:
     return yard(LAMP, material=material)
 
 
-def opened(chapter: Any, settings: Any, scene: Scene, *outputs: str, size: tuple[int, int] = SIZE, **turned: Any) -> Any:
+def opened(
+    chapter: Any, settings: Any, scene: Scene, *outputs: str, size: tuple[int, int] = SIZE, **turned: Any
+) -> Any:
     """Return a renderer with the outputs "color_linear" and `outputs`."""
     return chapter.open(scene, size, replaced(settings, **turned), outputs={"color_linear", *outputs})
 
@@ -66,7 +68,7 @@ def brighter(view: View, stops: float) -> View:
 def steady_state(samples: list[Float64], share: float) -> list[Float64]:
     """Return the pictures between which an exponential average alternates, if the samples come again and again.
 
-    h_n = (1 - share) h_{n-1} + share s_n over a period of P is h_P = q^P h_0 + share sum q^(P-n) s_n with q = 1 - share,
+    h_n = q h_{n-1} + share s_n with q = 1 - share over a period of P is h_P = q^P h_0 + share sum q^(P-n) s_n,
     so the state that repeats is h_0 = share sum q^(P-n) s_n / (1 - q^P).
     """
     kept, period = 1.0 - share, len(samples)

@@ -25,16 +25,26 @@ def extent(view: View, size: tuple[int, int]) -> Float64:
     return np.array((half * width / height, half))
 
 
-def rays(view: View, size: tuple[int, int]) -> tuple[Float64, Float64]:
+def centres(size: tuple[int, int], jitter: tuple[float, float]) -> tuple[Float64, Float64]:
+    """Return x and y (H, W) of pixel centres in a picture without jitter, which is in pixels, right and down."""
+    y, x = np.indices((size[1], size[0])) + 0.5
+    return x - jitter[0], y - jitter[1]
+
+
+def rays(
+    view: View, size: tuple[int, int], jitter: tuple[float, float] = (0.0, 0.0)
+) -> tuple[Float64, Float64]:
     """Return the origins and directions (H, W, 3) of the rays through the pixels' centres."""
     width, height = size
-    y, x = np.indices((height, width)) + 0.5
+    x, y = centres(size, jitter)
     half = extent(view, size)
     across, up = (2 * x / width - 1) * half[0], (1 - 2 * y / height) * half[1]
     zero, one = np.zeros_like(x), np.ones_like(x)
     pose = np.asarray(view.world_from_view, np.float64)
     if isinstance(view.projection, Perspective):
-        return np.broadcast_to(pose[:3, 3], (height, width, 3)), np.stack([across, up, -one], -1) @ pose[:3, :3].T
+        return np.broadcast_to(pose[:3, 3], (height, width, 3)), np.stack([across, up, -one], -1) @ pose[
+            :3, :3
+        ].T
     origins = np.stack([across, up, zero], -1) @ pose[:3, :3].T + pose[:3, 3]
     return origins, np.broadcast_to(-pose[:3, 2], (height, width, 3))
 
@@ -50,14 +60,19 @@ def seen_at(view: View, size: tuple[int, int], points: Float64, w: float = 1.0) 
 
 
 def motion(
-    view: View, before: View, size: tuple[int, int], now: Float64, then: Float64
+    view: View,
+    before: View,
+    size: tuple[int, int],
+    now: Float64,
+    then: Float64,
+    jitter: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[Float64, NDArray[np.intp], NDArray[np.bool_]]:
     """Return (H, W, 2) motion in uv units, (H, W) the triangle that is seen, -1 for the sky, and which are certain.
 
     `now` and `then` (T, 3, 3) are the corners of all triangles in this frame and the one before. A pixel is uncertain
-    near an edge of its triangle or next to another surface at the same distance.
+    near an edge of its triangle or next to another surface at the same distance. `jitter` is that of this frame.
     """
-    origins, directions = rays(view, size)
+    origins, directions = rays(view, size, jitter)
     nearest = np.full(origins.shape[:2], np.inf)
     owner = np.full(origins.shape[:2], -1)
     previous = np.array(directions)
@@ -78,7 +93,7 @@ def motion(
         weights = np.stack([1 - u - v, u, v], axis=-1)
         previous[hit] = weights[hit] @ moved
     width, height = size
-    y, x = np.indices((height, width)) + 0.5
+    x, y = centres(size, jitter)
     here = np.stack([x / width, y / height], axis=-1)
     there, _ = seen_at(before, size, previous)
     sky, _ = seen_at(before, size, directions, 0.0)

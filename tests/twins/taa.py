@@ -130,12 +130,12 @@ def filtered(samples: Float64, jitter: Float64, name: str) -> Float64:
 # --- constraints ------------------------------------------------------------------------------------------------------
 
 
-def clipped(history: Float64, low: Float64, high: Float64) -> Float64:
+def clipped(history: Float64, low: Float64, high: Float64, middle: Float64 | None = None) -> Float64:
     """Return (N, 3): where the way from the middle of boxes to points leaves the box, or the point if it never does.
 
-    The way is cut by the two planes of each axis in turn.
+    The way is cut by the two planes of each axis in turn. `middle` may be another place in each box.
     """
-    middle = (low + high) / 2
+    middle = (low + high) / 2 if middle is None else middle
     way = history - middle
     share = np.ones(len(history))
     for axis in range(3):

@@ -409,6 +409,15 @@ def _fog(made: dict[str, Any]) -> Iterator[Row]:
         yield _point("bands", f"{one['slices']} slices", one["way"]), _errors({"codes": one["codes"]})
 
 
+def _taa(made: dict[str, Any]) -> Iterator[Row]:
+    held = made.get("taa") or {"rows": (), "times": ()}
+    for one in held["rows"]:
+        names = ("flicker", "flicker_rest", "ghost_max", "ghost_mean")
+        yield _point(one["case"], one["mode"]), _errors({name: one[name] for name in names})
+    for one in held["times"]:
+        yield _point("time", one["mode"]), _times(one, "taa_ms", "motion_ms")
+
+
 PARTS = {
     "settings": _settings,
     "prepared": _prepared,
@@ -443,5 +452,6 @@ PARTS = {
     "rates": _rates,
     "constants": _constants,
     "fog": _fog,
+    "taa": _taa,
 }
 """How the points of each part of a bench are found in its record."""

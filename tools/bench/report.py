@@ -46,6 +46,7 @@ FRAME_PARTS = {
     "rates": "rates",
     "constants": "constants",
     "fog": "fog",
+    "taa": "taa",
 }
 """The parts of chapters whose frame is a graph, and the benches of lessons that show and draw them."""
 

@@ -20,8 +20,7 @@ from backends.contract import check_time
 from common import images
 from common.errors import UserError
 from common.images.color import quantize
-from common.images.films import check_film, write_film
-from common.reports.metrics import NonFiniteError
+from common.reports.metrics import NonFiniteError, flip_mean
 from common.reports.sequences import FrameError, OverTime
 from common.reports.tables import table
 from common.scene import Scene
@@ -30,6 +29,7 @@ from tools.compare import report
 from tools.compare.measure import Measured, Moment, Stand, errors, exposure_of, open_sides
 from tools.compare.sheet import FOOTER, HEADER, LINE, MARGIN, PAPER, Panel, heat, magnification, sheet
 from tools.compare.sides import Picture, Side
+from tools.run.films import check_film, write_film
 from tools.run.recording import planned
 
 if TYPE_CHECKING:
@@ -55,6 +55,9 @@ def check(request: Request) -> None:
     assert request.path is not None
     _, count = planned(request.path, request.frames, request.fps)
     check_time(request.time + (count - 1) / request.fps, "With --path and --fps the last --time")
+    if request.map == "flip":
+        blank = np.zeros((8, 8, 3), np.float32)
+        flip_mean(blank, blank)  # for its error, before the work
     if request.out is not None and request.out.suffix.lower() not in (*FILMS, ".png"):
         raise UserError(
             f"--out {request.out}: the worst frame goes to a .png, all of them to a film, .webp or .gif."

@@ -14,8 +14,8 @@ import chapters
 from backends.contract import check_time
 from common import images
 from common.errors import UserError
-from common.images.films import FILMS, check_film, write_film
 from common.view.paths import CameraPath, Stage, parse_path
+from tools.run.films import FILMS, check_film, write_film
 
 if TYPE_CHECKING:
     from backends.contract import Frame, Renderer

@@ -18,13 +18,13 @@ from chapters import studies
 from chapters.folders import Folder
 from common import images
 from common.errors import UserError
-from common.images.films import FILMS
 from common.paths import cache_problem, written_file
 from common.settings import apply_overrides, flat, replaced
 from tools.cli.console import Steps, say
 from tools.cli.stopping import prompt_stop
 from tools.lessons.places import places_of
 from tools.run import quality, recording
+from tools.run.films import FILMS
 from tools.run.live import Live
 from tools.run.opening import Opening, open_scene
 from tools.run.record import STDOUT, Log, triangles

@@ -8,10 +8,8 @@ from ..motion.passes import MotionObjectsPass, MotionPass
 from ..post.bokeh import BokehPass
 from ..post.circle_of_confusion import CircleOfConfusionPass
 from ..post.depth_of_field import DepthOfFieldPass
-from ..post.fxaa import FxaaPass
-from ..post.motion_blur import MotionBlurPass
+from ..post.finish_passes import FxaaPass, MotionBlurPass, SharpenPass
 from ..post.resolve import ResolvePass
-from ..post.sharpen import SharpenPass
 from ..post.tonemap import TonemapPass
 from ..rates.blocks import BlockLightingPass, PixelLightingPass, RateDepthPass, RateSpreadPass
 from ..rates.passes import RateEdgesPass, RateMaskPass

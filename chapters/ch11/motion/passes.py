@@ -37,8 +37,8 @@ class MotionPass(FullscreenPass):
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
-        """Whether the scene has instances; the readers of motion decide whether the pass is used."""
-        return len(scene.instances) > 0
+        """Whether there is a depth: in a scene without instances, some paths have none (shading/instance_id.py)."""
+        return len(scene.instances) > 0 or views.depth_target(settings) == "depth"
 
     def describe(self) -> PipelineDescription:
         """Return the pipeline."""
@@ -53,9 +53,8 @@ class MotionObjectsPass(ObjectsPass):
     drawn.
     """
 
-    name = OBJECTS
     shape_only = True
-    reads = (Access("depth", "depth"),)
+    name, reads = OBJECTS, (Access("depth", "depth"),)
     writes = (Access(MOTION, "color", format=FORMAT, of=CAMERA),)
 
     def __init__(self, parts: PassParts) -> None:
@@ -74,15 +73,14 @@ class MotionObjectsPass(ObjectsPass):
         return len(scene.instances) > 0
 
     def describe(self, variant: Variant) -> PipelineDescription:
-        """Return the pipeline: one for all opaque materials."""
-        shape = shape_alone(variant)
-        textures = self._data.texture_defines(shape, shape_alone)
+        """Return the pipeline: one for all opaque materials, and masks are asked as in every other pass."""
+        needed = shape_alone(variant)
         return PipelineDescription(
-            shaders=("shading/forward.vert", "motion/objects.frag"),
-            defines=(*shape.defines, *textures, ("MOTION", 1)),
-            color=FORMAT,
-            depth="equal",
             name="motion of objects",
+            shaders=("shading/forward.vert", "motion/objects.frag"),
+            defines=(("MOTION", 1), *needed.defines, *self._data.texture_defines(needed, shape_alone)),
+            depth="equal",
+            color=FORMAT,
         )
 
     def _group(self, batch: Batch) -> DrawGroup:

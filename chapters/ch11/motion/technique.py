@@ -28,9 +28,10 @@ _READ = Touch("", frozenset({"vertex"}), frozenset({"storage_read"}))
 class MotionTechnique(Technique):
     """Decides in each frame whether the pass of objects draws.
 
-    Vertices that deform exist once per slot, and slots take turns: those of the frame before are in the other one. They
-    are not known in a frame without history, in a frame for which the pages of geometry were replaced, and for a cloth
-    that has come into view, since vertices of invisible cloth are not written. Nothing then has a motion of its own.
+    Vertices that deform exist once per slot, and slots take turns: the other slot has those of the frame before. Three
+    cases are exceptions: a frame without history, a frame for which the pages of geometry were replaced, and a cloth
+    that comes into view, since the vertices of invisible cloth are not written. In the first two no object has a motion
+    of its own in this frame, in the third that cloth has none.
     """
 
     name = "motion"
@@ -65,6 +66,8 @@ class MotionTechnique(Technique):
         if frame.passes is not self._passes:
             self._passes = frame.passes
             self._drawn = self._objects in frame.passes
+            ordered = self._data.vertices_read_twice or not self._scene.deformations
+            assert ordered or not self._drawn, "a pass reads motion, and `model.in_use` does not say so"
             self._sways = self._cloth is not None and self._cloth in frame.passes
         if not self._drawn:
             self._fresh, self.work = True, {}

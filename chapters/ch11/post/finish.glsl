@@ -1,4 +1,5 @@
 // The end of the picture's last pass: finished(code, pixel) dithers, and shows the raw picture in its part of a split view.
+// Without either there is no such function.
 // SOURCE(number) is the binding of what the pass reads: behind those of the scene, if the number of the frame is read.
 
 #ifdef DITHER
@@ -14,14 +15,16 @@
 layout(SOURCE(RAW)) uniform sampler2D color_raw;
 #endif
 
+#if defined(DITHER) || defined(SPLIT)
 vec3 finished(vec3 code, ivec2 pixel) {
 #ifdef DITHER
     code = dithered_code(code, interleaved_gradient(uvec2(pixel), frame.frame_index), DITHER);
 #endif
 #ifdef SPLIT
-    if (pixel.SPLIT < int(SPLIT_AT * float(textureSize(color_raw, 0).SPLIT) + 0.5)) {
+    if (pixel[SPLIT] < int(SPLIT_AT * float(textureSize(color_raw, 0)[SPLIT]) + 0.5)) {
         code = srgb_from_linear(clamp(texelFetch(color_raw, pixel, 0).rgb, 0.0, 1.0));
     }
 #endif
     return code;
 }
+#endif

@@ -1,6 +1,6 @@
 """Which passes finish the picture, and what their shaders are built with.
 
-    color_focused -> motion_blur -> color_blurred -> sharpen -> color_sharp -> tonemap -> color
+    color_bloomed -> motion_blur -> color_blurred -> sharpen -> color_focused -> tonemap -> color
                                                                                tonemap -> color_toned -> fxaa -> color
 
 Motion blur and sharpening work on linear light, before the tone curve. A shutter adds up light, and a lamp that moves
@@ -19,11 +19,11 @@ from ..graph.plan import graph_name
 from ..scene.data import BEHIND_SCENE
 from ..shading.settings import ShadingSettings
 from ..shading.views import PICTURE
-from .finish_settings import FinishSettings
+from .settings import PostSettings
 
 Defines = tuple[tuple[str, int | float | str], ...]
 
-RAW = "color_focused"
+RAW = "color_bloomed"
 """The picture that the raw part of a split view shows: what the lens gives, before anything finishes it."""
 
 TONED = "color_toned"
@@ -37,7 +37,7 @@ class Settings(Protocol):
     """The settings of the finished picture."""
 
     shading: ShadingSettings
-    finish: FinishSettings
+    post: PostSettings
 
 
 def shows_picture(settings: Settings) -> bool:
@@ -47,13 +47,13 @@ def shows_picture(settings: Settings) -> bool:
 
 def has_motion_blur(settings: Settings) -> bool:
     """Whether the shutter is open for any time."""
-    return settings.finish.motion_blur > 0.0 and shows_picture(settings)
+    return settings.post.motion_blur > 0.0 and shows_picture(settings)
 
 
 def has_fxaa(settings: Settings) -> bool:
     """Whether FXAA is the last pass: the settings want it, and the graph of the frame has the pass."""
     return (
-        settings.finish.fxaa
+        settings.post.fxaa
         and shows_picture(settings)
         and "fxaa" in read_graph(graph_path(graph_name(settings))).passes.values()
     )
@@ -61,38 +61,40 @@ def has_fxaa(settings: Settings) -> bool:
 
 def toned_format(settings: Settings) -> str:
     """Return the format between tone curve and FXAA: that of the picture, or more bits for a dither to round."""
-    return "rgba16f" if settings.finish.dither > 0.0 else "rgba8"
+    return "rgba16f" if settings.post.dither > 0.0 else "rgba8"
 
 
 def last_reads(settings: Settings) -> tuple[Access, ...]:
     """Return what the last pass reads besides the picture."""
-    splits = settings.finish.split != "off" and shows_picture(settings)
+    splits = settings.post.split != "off" and shows_picture(settings)
     return (Access(RAW, "sampled"),) if splits else ()
 
 
 def last_sources(settings: Settings) -> Sources:
     """Return the sources of the last pass: behind those of the scene, if it reads the number of the frame."""
-    dithers = settings.finish.dither > 0.0 and shows_picture(settings)
+    dithers = settings.post.dither > 0.0 and shows_picture(settings)
     return BEHIND_SCENE if dithers else Sources()
 
 
 def last_defines(settings: Settings, reads: tuple[Access, ...]) -> Defines:
     """Return what finish.glsl is built with, for a pass with these reads; nothing if it has nothing to do."""
-    knobs = settings.finish
+    knobs = settings.post
     if not shows_picture(settings):
         return ()
     dither: Defines = (("DITHER", knobs.dither),) if knobs.dither > 0.0 else ()
     if knobs.split == "off":
         return dither
     (raw,) = (number for number, access in enumerate(reads) if access.resource == RAW)
-    axis = "x" if knobs.split == "columns" else "y"
+    axis = ("columns", "rows").index(knobs.split)
     return (*dither, ("SPLIT", axis), ("SPLIT_AT", knobs.split_at), ("RAW", raw))
 
 
 def display_defines(settings: Settings) -> Defines:
     """Return what tonemap.frag is built with around the tone curve; nothing for an exposure and a gamma of 1."""
-    knobs = settings.finish
+    knobs = settings.post
     if not shows_picture(settings):
         return ()
-    exposure: Defines = (("DISPLAY_EXPOSURE", knobs.display_exposure),) if knobs.display_exposure != 1.0 else ()
+    exposure: Defines = (
+        (("DISPLAY_EXPOSURE", knobs.display_exposure),) if knobs.display_exposure != 1.0 else ()
+    )
     return exposure + ((("DISPLAY_GAMMA", knobs.display_gamma),) if knobs.display_gamma != 1.0 else ())

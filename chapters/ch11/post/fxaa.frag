@@ -73,5 +73,8 @@ void main() {
         }
         code = sum.rgb / sum.a;
     }
-    out_color = vec4(finished(code, pixel), 1.0);
+#if defined(DITHER) || defined(SPLIT)
+    code = finished(code, pixel);
+#endif
+    out_color = vec4(code, 1.0);
 }

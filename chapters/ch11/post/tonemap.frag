@@ -44,5 +44,7 @@ void main() {
 #ifdef RATE_TEXEL
     out_color.rgb *= tint_of(texelFetch(rates, ivec2(gl_FragCoord.xy) / RATE_TEXEL, 0).r);
 #endif
+#if defined(DITHER) || defined(SPLIT)
     out_color.rgb = finished(out_color.rgb, ivec2(gl_FragCoord.xy));
+#endif
 }

@@ -199,6 +199,10 @@ class SceneData:
         """Return what binds a page of geometry, and its indices, for slot number `slot`."""
         raise NotImplementedError
 
+    def page_buffer(self, slot: int, page: int) -> Any:
+        """Return the buffer of a page of geometry as slot number `slot` draws it."""
+        raise NotImplementedError
+
     def binding(self, slot: int) -> SceneBinding:
         """Return what the draws of slot number `slot` bind of the scene."""
         raise NotImplementedError

@@ -1,5 +1,9 @@
 // Keeps a history near what the 3x3 pixels show now. CONSTRAINT: 0 nothing, 1 clamps to their box, 2 clips to their box,
-// 3 clips to the box of mean +- GAMMA standard deviations, 4 clamps to their box and then clips as 3.
+// 3 clips to the box of mean +- GAMMA standard deviations, 4 to both boxes, towards the mean, which is in both.
+//
+// The text clamps to the first box before it clips to the second. But a clamp moves each channel on its own: a history whose
+// hue is far off becomes one of this neighbourhood's hues, and what remains differs in brightness, which the clip then
+// leaves. The way to the mean ends near the mean instead, since all channels are scaled by the one that is furthest off.
 
 #include "neighbourhood.glsl"
 
@@ -27,6 +31,18 @@ vec3 clipped(vec3 history, vec3 low, vec3 high) {
     return clamp(middle + way / max(max(outside.x, outside.y), max(outside.z, 1.0)), low, high);
 }
 
+// The same for a `middle` that is not in the middle of the box, but inside.
+vec3 clipped_towards(vec3 middle, vec3 history, vec3 low, vec3 high) {
+    if (clamp(history, low, high) == history) {
+        return history;
+    }
+    vec3 largest = max(abs(low), abs(high));
+    float slack = CLIP_SLACK * max(max(largest.x, largest.y), largest.z) + 1e-8;
+    vec3 way = history - middle, room = mix(middle - low, high - middle, greaterThan(way, vec3(0.0)));
+    vec3 outside = abs(way) / max(room, vec3(slack));
+    return clamp(middle + way / max(max(outside.x, outside.y), max(outside.z, 1.0)), low, high);
+}
+
 #ifdef CONSTRAINT
 vec3 constrained(vec3 history, Neighbourhood n) {
 #if CONSTRAINT == 0
@@ -36,11 +52,12 @@ vec3 constrained(vec3 history, Neighbourhood n) {
 #elif CONSTRAINT == 2
     return clipped(history, n.low, n.high);
 #else
+    vec3 reach = GAMMA * n.deviation, low = n.mean - reach, high = n.mean + reach;
 #if CONSTRAINT == 4
-    history = clamp(history, n.low, n.high);
+    return clipped_towards(n.mean, history, max(n.low, low), min(n.high, high));
+#else
+    return clipped(history, low, high);
 #endif
-    vec3 reach = GAMMA * n.deviation;
-    return clipped(history, n.mean - reach, n.mean + reach);
 #endif
 }
 #endif

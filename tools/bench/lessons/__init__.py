@@ -32,6 +32,7 @@ CHAPTERS = {
     "rates": 9,
     "constants": 9,
     "fog": 10,
+    "taa": 11,
 }
 """The chapter whose `benches/` has the module."""
 

@@ -25,6 +25,9 @@ RATES = {"rates": "rates", "constants": "constants"}
 FOG = {"fog": "fog"}
 """The part about fog, and its bench."""
 
+HISTORY = {"taa": "taa"}
+"""The part about histories of colour, and its bench."""
+
 PARTS = {
     "settings": "time and error of presets and knobs",
     "prepared": "what is made before the first frame",
@@ -59,6 +62,7 @@ PARTS = {
     "rates": "invocations, time and error of shading rates, by policy and threshold",
     "constants": "loops of a constant length, and what building their pipelines takes",
     "fog": "what grids and filters of fog cost, and how far they are from single scattering",
+    "taa": "what modes of temporal anti-aliasing leave of errors, ghosts and flicker",
 }
 """What a bench measures; a chapter may lack any of those that come after `stability`, and `prepared`."""
 
@@ -79,6 +83,7 @@ DRAWN = {
     *SHADOWS,
     *RATES,
     *FOG,
+    *HISTORY,
     "settings",
     "prepared",
     "scales",
@@ -124,6 +129,7 @@ def parts_of(which: chapters.Whole, api: str, only: Sequence[str] = ()) -> tuple
         *((part, "shadow_memory") for part in SHADOWS),
         *((part, "rate_policy") for part in RATES),
         *((part, "fog_columns") for part in FOG),
+        *((part, "taa") for part in HISTORY),
     ):
         if not hasattr(settings_class, names) and names not in knobs(settings_class):
             missing[part] = f"{spoken} names none in its settings ({names})"

@@ -35,6 +35,8 @@ PARTS = {
     "ch08-casters": (8, ("shadows/faces.py",)),
     "ch09-codes": (9, ("rates/model.py",)),
     "ch09-mask": (9, ("rates/model.py",)),
+    "ch11-jitter": (11, ("taa/jitter.py",)),
+    "ch11-rest": (11, ("taa/jitter.py", "taa/model.py")),
 }
 """The same where figures show data of a few files, of all figures of a chapter or of one."""
 

@@ -25,6 +25,7 @@ from tools.site.figures.ch07.walk import WALK
 from tools.site.figures.ch08.snapping import SNAPPING
 from tools.site.figures.ch09.feedback import TURNS
 from tools.site.figures.ch10.jitter import JITTER
+from tools.site.figures.ch11 import walk as ch11_walk
 from tools.site.figures.culling import CULLING
 from tools.site.figures.film import SCHEMES, Loop, Picture, animated
 
@@ -285,6 +286,8 @@ CLOTH = Loop(
     "A flag of cloth in the wind", "cloth.png", CLOTH_SIZE, CLOTH_FRAMES, lambda c, n: None, CLOTH_RATE
 )
 """What a README says of the cloth's film, which has one file for both schemes."""
+RENDERED = {"ch05-cloth-loop": CLOTH, "ch11-walk-loop": ch11_walk.WALK}
+"""The loops that a renderer draws, each with one file."""
 
 
 def files() -> dict[str, tuple[Callable[[], bytes], list[Path]]]:
@@ -308,4 +311,7 @@ def files() -> dict[str, tuple[Callable[[], bytes], list[Path]]]:
         for end, colors in SCHEMES.items():
             found[f"{name}{end}.webp"] = (partial(loop.file, colors), [*mine, *more[name]])
     found["ch05-cloth-loop.webp"] = (cloth, [*mine, *inputs.chapter(5), *inputs.scene("cloth")])
+    along = [HERE / name for name in ("film.py", "recorded.py", "ch11/walk.py")]
+    drawn = [*inputs.chapter(ch11_walk.CHAPTER), *inputs.scene(ch11_walk.SCENE)]
+    found["ch11-walk-loop.webp"] = (ch11_walk.walk, [*along, *drawn])
     return found

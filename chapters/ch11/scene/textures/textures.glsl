@@ -8,7 +8,7 @@
 // invocations, such as the counter of a loop of fixed length; the array is chosen by a comparison inside it. `arrays` has
 // the bits of those that may hold it, known to the compiler, which leaves out what it need not fetch.
 
-#ifdef MIP_BIAS  // added to the level that the footprint of a pixel asks for
+#if defined(MIP_BIAS) && !defined(COMPUTED)  // added to the level that the footprint of a pixel asks for
 #define BIAS , MIP_BIAS
 #else
 #define BIAS

@@ -9,7 +9,7 @@ import pytest
 from PIL import Image, ImageSequence
 
 from common.errors import UserError
-from common.images.films import FILMS, check_film, durations_ms, write_film
+from tools.run.films import FILMS, check_film, durations_ms, write_film
 
 RNG = np.random.default_rng(3)
 FRAMES = [RNG.integers(0, 256, (10, 14, 3)).astype(np.uint8) for _ in range(7)]

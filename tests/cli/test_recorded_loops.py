@@ -8,8 +8,8 @@ import chapters
 from chapters import scenes
 from common.settings import replaced
 from common.view.paths import Stage, path
+from tools.run.loops import GAP, PAPER, recorded
 from tools.site.figures.film import pictures_of
-from tools.site.figures.recorded import GAP, PAPER, recorded
 
 SIZE = (48, 32)
 

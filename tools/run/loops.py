@@ -1,7 +1,7 @@
 """Loops that a renderer draws: a scene along a camera path, as an animated WebP for a lesson.
 
-A module of figures has a `Loop` with the words and the still of such a film, as `loops.CLOTH`, and makes its bytes by
-one call of `recorded`.
+A module of figures has a `Loop` with the words and the still of such a film, as `CLOTH` in tools/site/figures/loops.py,
+and makes its bytes by one call of `recorded`.
 """
 
 from __future__ import annotations
