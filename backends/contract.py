@@ -383,6 +383,14 @@ class FrameInfo:
     valid_histories: int = 0
     """The histories that the frame may use, as bits (`common.layouts.CONSTANTS`); 0 in chapters that do not use it."""
 
+    picture_size: tuple[int, int] | None = None
+    """The size of the finished picture, if it has more pixels than are drawn (`size`)."""
+
+    @property
+    def picture(self) -> tuple[int, int]:
+        """The size of the finished picture."""
+        return self.picture_size or self.size
+
 
 class Technique:
     """The work of a subject outside its passes, from the opening of a renderer to its closing.

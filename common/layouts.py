@@ -199,14 +199,16 @@ def fill_frame_constants(
     environment: tuple[float, float, float, float] = (0.0, 1.0, 0.0, 0.0),
     history_share: float = 1.0,
     averaging: bool = False,
+    aspect: float | None = None,
 ) -> None:
     """Fill one `FrameConstants` record in place, given as a zero-dimensional array.
 
     `size` is (width, height) in pixels; jitter is in pixels, right and down. Exposures are those of the views
     unless given (adaptation finds its own). `environment` is (nits of a stored 1, cosine and sine of the turn, last
     level). `history_share` is the share of this frame in the history of colour; with `averaging` that history is the
-    mean of frames that show the same. The origin is subtracted from the poses in float64, and every
-    product and inverse is made there, so that only finished matrices are rounded to float32.
+    mean of frames that show the same. `aspect` is that of the finished picture, if its size is another one. The
+    origin is subtracted from the poses in float64, and every product and inverse is made there, so that only finished
+    matrices are rounded to float32.
     """
     width, height = size
     placed = np.asarray(origin, np.float64).tobytes()
@@ -215,7 +217,7 @@ def fill_frame_constants(
     for prefix, shown, shift in (("", view, jitter_px), ("previous_", previous_view, previous_jitter_px)):
         jitter = (2.0 * shift[0] / width, 2.0 * shift[1] / height)
         pose = np.asarray(shown.world_from_view, np.float64).tobytes()
-        matrices = _matrices_of(pose, shown.projection, width / height, jitter, placed)
+        matrices = _matrices_of(pose, shown.projection, aspect or width / height, jitter, placed)
         first = offsets("FrameConstants")[f"{prefix}view_from_world"]
         raw[first : first + matrices.nbytes] = matrices.view(np.uint8).reshape(-1)
         record[f"{prefix}eye"][:3] = matrices[_POSE, 3, :3]

@@ -158,7 +158,7 @@ class Settings(Grouped):
         "fog_near fog_far fog_columns fog_rows fog_slices fog_format "
         "fog_spatial fog_temporal fog_share fog_dither fog_half fog_half_tolerance "
         "taa taa_share taa_average taa_velocity taa_history taa_filter taa_constraint taa_gamma taa_weight taa_ycocg "
-        "taa_tolerance taa_reactive taa_format jitter jitter_period mip_bias steady_uv "
+        "taa_tolerance taa_reactive taa_format taa_scale jitter jitter_period mip_bias steady_uv "
         "skip_unused"
     )
 

@@ -176,6 +176,7 @@ GIVEN_IN: dict[str, dict[str, int | float | str | None]] = {
     "sparse_texture": {"SPARSE": 1, "TILE": 128, "ACROSS": 8},
     "sparse_buffer": {"WORDS": 16384, "PLACES": 64},
     "fog": {"FOG": 1, "NOISE_SIZE": 64, "RADIUS": None},  # a radius is a constant here
+    "taa": {"KERNEL_RADIUS": 1.25, "WEIGHT_BEFORE": 2.0, "IMAGE": 1},
     "blue_noise": {"SIZE": 128, "WAYS": 3, "KINDS": 6, "NOISES": 3, "IMAGES": 9},
     "phase_functions": {"OCTAVES": 32, "NODES": 16, "POINTS": 512, "LOBES": 8},
 }

@@ -44,7 +44,7 @@ class ClothTechnique(Technique):
         assert self.cloth is not None, "frames come after `create`"
         reset, self._reset = self._reset, ""
         written = self.cloth.prepare(
-            frame.slot, frame.pose, frame.view, frame.size, frame.time, reset, frame.passes
+            frame.slot, frame.pose, frame.view, frame.picture, frame.time, reset, frame.passes
         )
         self.work = self.cloth.work
         return written

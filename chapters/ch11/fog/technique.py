@@ -126,7 +126,7 @@ class FogTechnique(Technique):
             self._still += 1
         else:
             self._state, self._still = state, 0
-            self._visible = self._extent.in_view(frame.view, frame.size[0] / frame.size[1])
+            self._visible = self._extent.in_view(frame.view, frame.picture[0] / frame.picture[1])
         visible = self._visible
         rests = self._still > model.REST_FRAMES and not self._adapts
         active = visible and not rests

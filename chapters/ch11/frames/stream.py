@@ -38,6 +38,7 @@ from ..scene.default_light import DefaultLight
 from ..scene.scene_draws import SceneDrawLists
 from ..settings import Settings
 from ..shading.samples import choose_samples
+from ..taa.scale import drawn_size
 from ..tasks.workers import ALONE
 from .backend.backend import open_backend
 from .frame import OUTPUTS, SLOTS, SOURCES, Frame, check_outputs, output_of
@@ -169,7 +170,7 @@ class FrameStream:
         more = {key: value for it in self.techniques.values() for key, value in it.constants(info).items()}
         constants = frame_constants(
             scene,
-            self.size,
+            info.size,
             view,
             time,
             previous=previous,
@@ -193,7 +194,8 @@ class FrameStream:
         last = [technique for technique in self.techniques.values() if technique.settles_last]
         still = bool(last) and self._unchanged(self._state(view, time), time)
         settling = bool(last) and not all(technique.resting(time) for technique in last)
-        return FrameInfo(slot.index, view, time, self.size, pose, self.passes, still, settling, valid)
+        drawn = drawn_size(self.settings, self.size)
+        return FrameInfo(slot.index, view, time, drawn, pose, self.passes, still, settling, valid, self.size)
 
     def _pose(self, time: float) -> Pose:
         """Return the pose that is drawn at `time`."""

@@ -25,6 +25,7 @@ from ..rates.model import wanted as has_rates
 from ..shading.deferred import EMISSION, emits
 from ..shading.views import PICTURE
 from ..ssao.model import wanted as occludes
+from ..taa.scale import drawn_size, enlarged
 from ..visibility.model import RESOLVE
 from ..visibility.model import in_use as numbers
 from .checks import check_name, check_output, check_pass, check_readers
@@ -246,12 +247,14 @@ class FramePlan:
             nodes = [_reconnected(node, readers.get(node.name, {})) for node in nodes]
         nodes = [replace(node, why_not=self._off.get(node.name, node.why_not)) for node in nodes]
         self.externals = {name: it for pass_ in self.passes.values() for name, it in pass_.externals.items()}
+        nodes = enlarged(nodes, settings, size)
         outputs, copy, externals = self._copied(nodes, size)
         externals |= self.externals
         if copy.reads:  # else the frame has no output
             nodes.append(copy)
         kept = {a.resource for node in nodes for a in node.writes} if self.keeps_all else {self.shown}
-        graph = compile_graph(nodes, size, outputs, externals, requirements, alias, kept, queues=self._queues)
+        drawn = drawn_size(settings, size)
+        graph = compile_graph(nodes, drawn, outputs, externals, requirements, alias, kept, queues=self._queues)
         self.kept, self.externals = kept, externals
         return nodes, graph
 

@@ -49,7 +49,7 @@ float mean_log2(out bool found) {
     }
     found = total > 0u;
     float low = LOW * float(total), high = HIGH * float(total);
-    float weights = 0.0, sum = 0.0, steps = float(place_steps(ivec2(frame.size.xy)));
+    float weights = 0.0, sum = 0.0, steps = float(place_steps());
     uint before = 0u;
     for (int bin = 0; bin < BINS; ++bin) {
         uint count = counts[bin];

@@ -35,7 +35,7 @@ void main() {
         }
         uint bin = uint(place);
         atomicAdd(counted[bin], 1u);
-        atomicAdd(counted[bin + BINS], uint((place - float(bin)) * float(place_steps(size)) + 0.5));
+        atomicAdd(counted[bin + BINS], uint((place - float(bin)) * float(place_steps()) + 0.5));
     }
     barrier();
 

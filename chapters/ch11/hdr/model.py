@@ -14,6 +14,7 @@ from common.scene import Scene
 from ..environment import model as environment
 from ..settings import Settings
 from ..shading.views import PICTURE
+from ..taa import model as taa
 from .settings import HISTOGRAM, MIPS, VIEW, HdrSettings
 
 Defines = tuple[tuple[str, int | float | str], ...]
@@ -97,6 +98,7 @@ def exposure_defines(settings: Settings) -> Defines:
         ("ADAPT_BRIGHT_S", hdr.adapt_bright_s),
         ("ADAPT_SPEED", hdr.adapt_speed),
         ("MODE_MIPS", int(automatic(settings) == MIPS)),
+        *((("ENLARGED", 3),) * (taa.scale(settings) < 1.0)),
     )
 
 

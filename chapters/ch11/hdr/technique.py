@@ -71,7 +71,7 @@ class HdrTechnique(Technique):
         first = self._before is None or not (adapts and self._adapts)
         self._adapts = self._memory.tells[frame.slot] = adapts
         before = of_view if self._before is None else self._before
-        self._before, self._size = of_view, frame.size
+        self._before, self._size = of_view, frame.picture
         if adapts:
             shown = frame.view, dict(self.scene.revision), frame.time if self.scene.animations else 0.0
             # A frame that is drawn at rest is drawn because something else has changed, such as a shader; or for a

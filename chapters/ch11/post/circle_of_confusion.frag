@@ -21,7 +21,7 @@ void main() {
     for (int i = 0; i < 4; ++i) {
         ivec2 pixel = min(first + ivec2(i & 1, i >> 1), last);
         colors[i] = texelFetch(color_hdr, pixel, 0).rgb;
-        radii[i] = radius_of(texelFetch(depth, pixel, 0).r, middle);
+        radii[i] = radius_of(texelFetch(depth, pixel, 0).r, middle, float(last.y + 1));
         widest = abs(radii[i]) > abs(widest) ? radii[i] : widest;
     }
     vec4 sum = vec4(0.0);

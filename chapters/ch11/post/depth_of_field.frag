@@ -14,7 +14,7 @@ void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     vec4 sharp = texelFetch(color_hdr, pixel, 0);
     float middle = texelFetch(depth, textureSize(depth, 0) / 2, 0).r;
-    float radius = radius_of(texelFetch(depth, pixel, 0).r, middle);
+    float radius = radius_of(texelFetch(depth, pixel, 0).r, middle, float(textureSize(depth, 0).y));
 
     // The four pixels of the half-size picture around this one. Behind the focus those count that are blurred as much:
     // the others are another surface's. The last summand keeps some weight where none is.

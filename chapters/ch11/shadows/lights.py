@@ -213,7 +213,7 @@ class ShadowLights:
             return None
         directions = self._records["direction"][self._suns].astype(np.float64)
         directions /= np.linalg.norm(directions, axis=1)[:, None]
-        settings, aspect = self._parts.settings, frame.size[0] / frame.size[1]
+        settings, aspect = self._parts.settings, frame.picture[0] / frame.picture[1]
         return Cascades(
             directions,
             self._box,
@@ -230,7 +230,7 @@ class ShadowLights:
         self._chosen = frame.view
         # The next frames may see a little more, before lamps are chosen again.
         widened = self._reach * WIDENED + self._step
-        aspect = frame.size[0] / frame.size[1]
+        aspect = frame.picture[0] / frame.picture[1]
         weight = rule.importance(frame.view, aspect, self._centres, widened, self._peaks)
         self.lamps.choose(weight, self._counts, self._frame)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from ..settings import Settings
 from ..shading.views import PICTURE
 from . import settings as knobs
@@ -17,15 +19,40 @@ HALF_SLACK = 5e-4
 RESIDUE = 0.05
 """Part of an earlier history in the mean of frames that show the same."""
 
+KERNEL_RADIUS = 1.25
+"""Radius of the kernel that weights samples which are drawn at a scale, in pixels of the picture."""
+
+HARRIS_MEAN = 0.35875
+"""Mean of the window of Harris over its radius: its first term."""
+
 
 def in_use(settings: Settings) -> bool:
     """Whether frames have a history of colour; a view of a quantity is shown as it is."""
     return settings.taa.taa != "off" and settings.shading.view == PICTURE
 
 
+def scale(settings: Settings) -> float:
+    """Return the sides of what is drawn, in sides of the picture: 1 without a history."""
+    return settings.taa.taa_scale if in_use(settings) else 1.0
+
+
 def averages(settings: Settings) -> bool:
     """Whether frames that show the same become their mean."""
     return settings.taa.taa == "full" and settings.taa.taa_average
+
+
+def scale_defines(settings: Settings, period: int) -> Defines:
+    """Return the defines of resolve.comp for a picture with more pixels than are drawn; `period` is that of the jitter.
+
+    WEIGHT_BEFORE is the weight of a history of moving pictures in the mean that follows, in sums of the kernel's
+    weights: as many frames as have the part RESIDUE of the mean, times the mean sum of a frame.
+    """
+    if scale(settings) == 1.0:
+        return ()
+    frames = RESIDUE / (1.0 - RESIDUE) * REST_PERIODS * period
+    area = (HARRIS_MEAN * 2.0 * KERNEL_RADIUS) ** 2
+    weight = frames * area * scale(settings) ** 2
+    return ("SCALED", 1), ("KERNEL_RADIUS", KERNEL_RADIUS), ("WEIGHT_BEFORE", weight)
 
 
 def resolve_defines(settings: Settings) -> Defines:
@@ -53,7 +80,8 @@ def texture_defines(settings: Settings) -> Defines:
     """Return the defines of shaders that sample materials; without a history textures are filtered as ever."""
     if not in_use(settings):
         return ()
-    bias = (("MIP_BIAS", settings.taa.mip_bias),) * (settings.taa.mip_bias != 0.0)
+    level = settings.taa.mip_bias + math.log2(scale(settings))
+    bias = (("MIP_BIAS", level),) * (level != 0.0)
     return (*bias, *((("STEADY_UV", 1),) * settings.taa.steady_uv))
 
 

@@ -17,8 +17,12 @@ from ..scene.data import BEHIND_SCENE
 from ..scene.pass_parts import PassParts
 from ..settings import Settings
 from . import model
+from .scale import period
 
 HISTORY = "history_color"
+
+WEIGHTS = "history_weight"
+"""Sums of the weights of samples in the history, for a picture with more pixels than are drawn."""
 
 
 class TaaPass(Pass):
@@ -26,7 +30,7 @@ class TaaPass(Pass):
 
     name = "taa"
     sources = BEHIND_SCENE
-    reads = (
+    reads: tuple[Access, ...] = (
         Access("color_hdr", "sampled"),
         Access("depth", "sampled"),
         Access("motion", "sampled"),
@@ -37,6 +41,9 @@ class TaaPass(Pass):
         self._settings, self._pipelines, self._draws = parts.settings, parts.pipelines, parts.draws
         format = parts.settings.taa.taa_format
         self.writes = (Access(HISTORY, "storage", format=format, instead="color_hdr"),)
+        if model.scale(parts.settings) < 1.0:
+            self.reads = (*self.reads, Access(WEIGHTS, "sampled", previous=True))
+            self.writes = (*self.writes, Access(WEIGHTS, "storage", format="r32f"))
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
@@ -45,7 +52,8 @@ class TaaPass(Pass):
 
     def create(self) -> None:
         """Build the pipeline."""
-        defines = model.resolve_defines(self._settings)
+        more = model.scale_defines(self._settings, period(self._settings))
+        defines = model.resolve_defines(self._settings) + more
         self.pipelines = self._pipelines.get(
             [ComputeDescription("taa/resolve.comp", defines, name=self.name)]
         )

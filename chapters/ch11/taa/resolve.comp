@@ -20,7 +20,16 @@ layout(BIND(1, 0, 3)) uniform sampler2D color_hdr;
 layout(BIND(1, 1, 4)) uniform sampler2D depth;
 layout(BIND(1, 2, 5)) uniform sampler2D motion;
 layout(BIND(1, 3, 6)) uniform sampler2D history_color;
+#ifdef SCALED
+layout(BIND(1, 4, 7)) uniform sampler2D history_weight;
+layout(BIND(1, 5, 0), FORMAT) uniform writeonly image2D resolved;
+layout(BIND(1, 6, 1), r32f) uniform writeonly image2D resolved_weight;
+#include "taa/upscale.glsl"
+#define DRAWN(pixel) drawn.pixel
+#else
 layout(BIND(1, 4, 0), FORMAT) uniform writeonly image2D resolved;
+#define DRAWN(pixel) (pixel)
+#endif
 
 bool is_finite_color(vec3 color) {
     return !any(isnan(color)) && !any(isinf(color));
@@ -67,7 +76,8 @@ bool same_surface(ivec2 pixel, ivec2 led_by, vec2 uv_before, vec2 size) {
         high *= ratio;
     }
     float least = 3e38, most = 0.0;
-    ivec2 first = ivec2(floor(uv_before * size - 0.5));
+    ivec2 first = ivec2(floor(uv_before * vec2(imageSize(resolved)) - 0.5));
+    last = imageSize(resolved) - 1;
     for (int i = 0; i < 4; ++i) {
         float found = texelFetch(history_color, clamp(first + ivec2(i & 1, i >> 1), ivec2(0), last), 0).a;
         least = min(least, found);
@@ -79,21 +89,21 @@ bool same_surface(ivec2 pixel, ivec2 led_by, vec2 uv_before, vec2 size) {
 
 vec3 blended(ivec2 pixel, vec4 current, float ratio) {
     vec2 size = frame.size.xy;
-    ivec2 last = ivec2(size) - 1, led_by = pixel;
+    ivec2 last = ivec2(size) - 1, at = DRAWN(pixel), led_by = at;
 #ifdef CLOSEST
-    led_by = closest(depth, pixel);
+    led_by = closest(depth, at);
 #endif
     vec2 moved = texelFetch(motion, led_by, 0).xy;
 #ifdef LONGEST
-    moved = longest(motion, pixel);
+    moved = longest(motion, at);
 #endif
-    vec2 uv_before = (vec2(pixel) + 0.5) / size - moved;
+    vec2 uv_before = (vec2(pixel) + 0.5) / vec2(imageSize(resolved)) - moved;
     bool outside = any(lessThan(uv_before, vec2(0.0))) || any(greaterThan(uv_before, vec2(1.0)));
     if (outside || any(isnan(uv_before))) {
         return current.rgb;
     }
 #ifdef TOLERANCE
-    if (!same_surface(pixel, led_by, uv_before, size)) {
+    if (!same_surface(at, led_by, uv_before, size)) {
         return current.rgb;
     }
 #endif
@@ -113,12 +123,18 @@ vec3 blended(ivec2 pixel, vec4 current, float ratio) {
     }
     vec3 samples[9];
     for (int i = 0; i < 9; ++i) {
-        ivec2 neighbour = clamp(pixel + ivec2(i % 3 - 1, i / 3 - 1), ivec2(0), last);
+        ivec2 neighbour = clamp(at + ivec2(i % 3 - 1, i / 3 - 1), ivec2(0), last);
         samples[i] = INNER(texelFetch(color_hdr, neighbour, 0).rgb);
     }
     Neighbourhood around = gathered(samples, 0.5 * frame.jitter * size);
+#ifdef SCALED
+    around.filtered = INNER(drawn.color);
+#endif
     vec3 history = constrained(INNER(before), around);
     vec2 shares = weights(around.filtered, history, around, frame.previous_eye.w);
+#ifdef SCALED
+    shares.x *= drawn.confidence;
+#endif
 #ifdef REACTIVE
     shares.y *= 1.0 - REACTIVE * clamp(1.0 - current.a, 0.0, 1.0);
 #endif
@@ -131,18 +147,36 @@ void main() {
     if (any(greaterThanEqual(pixel, imageSize(resolved)))) {
         return;
     }
+#ifdef SCALED
+    drawn = drawn_for(pixel, imageSize(resolved));
+    vec4 current = vec4(drawn.between, texelFetch(color_hdr, drawn.pixel, 0).a);
+    vec3 color = drawn.color;
+    float weight = drawn.weight;
+#else
     vec4 current = texelFetch(color_hdr, pixel, 0);
-    float share = frame.previous_eye.w, ratio = exposure() / previous_exposure();
     vec3 color = current.rgb;
+#endif
+    float share = frame.previous_eye.w, ratio = exposure() / previous_exposure();
     if ((frame.valid_histories & HISTORY_COLOR) != 0u && share < 1.0) {
         if (frame.origin.w != 0.0) {
             vec3 before = texelFetch(history_color, pixel, 0).rgb * ratio;
             if (is_finite_color(before)) {
+#ifdef SCALED
+                float counted = texelFetch(history_weight, pixel, 0).r;
+                weight = share > 0.0 ? counted + drawn.weight : counted;
+                share = share > 0.0 ? drawn.weight / weight : 0.0;
+#endif
                 color = share > 0.0 ? before + (color - before) * share : before;
             }
         } else {
             color = blended(pixel, current, ratio);
+#ifdef SCALED
+            weight = WEIGHT_BEFORE;
+#endif
         }
     }
-    imageStore(resolved, pixel, vec4(color, inverse_distance(texelFetch(depth, pixel, 0).r)));
+    imageStore(resolved, pixel, vec4(color, inverse_distance(texelFetch(depth, DRAWN(pixel), 0).r)));
+#ifdef SCALED
+    imageStore(resolved_weight, pixel, vec4(weight));
+#endif
 }

@@ -56,6 +56,12 @@ class TaaSettings:
         0.5, "how much the cover of transparent surfaces takes from the history", minimum=0, maximum=1
     )
     taa_format: str = knob("rgba32f", "format of the history", choices=("rgba16f", "rgba32f"))
+    taa_scale: float = knob(
+        1.0,
+        "sides of what is drawn, in sides of the picture: below 1 the history fills the picture from fewer pixels",
+        minimum=0.5,
+        maximum=1,
+    )
     jitter: str = knob("halton", "sequence of the shifts of the projection", choices=SEQUENCES)
     jitter_period: int = knob(8, "frames after which the sequence repeats", minimum=1, maximum=64)
     mip_bias: float = knob(

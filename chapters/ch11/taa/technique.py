@@ -12,7 +12,8 @@ from common.scene import Scene
 from ..frames.backend.backend import Backend
 from ..scene.pass_parts import PassParts
 from ..settings import Settings
-from . import model
+from . import model, scale
+from .enlarge import EnlargePass
 from .jitter import offset
 from .passes import TaaPass
 
@@ -24,19 +25,21 @@ class TaaTechnique(Technique):
 
     def __init__(self, scene: Scene, settings: Settings) -> None:
         super().__init__(scene, settings)
+        scale.check(settings)
         self._knobs = settings.taa
         self._on = model.in_use(settings)
         self.settles_last = self._on
-        self._shares = model.Shares(
-            settings.taa.taa_share, settings.taa.jitter_period, model.averages(settings)
-        )
+        self._scaled = model.scale(settings) < 1.0
+        self._period = scale.period(settings)
+        self._shares = model.Shares(settings.taa.taa_share, self._period, model.averages(settings))
         self._index = 0
         self._jitter = (0.0, 0.0)
         self._reset = True
 
     def create(self, parts: PassParts, backend: Backend, passes: Mapping[str, Pass]) -> None:
         """Make the pass."""
-        self.passes = {TaaPass.name: TaaPass(parts)}
+        enlarge = [EnlargePass(parts, image) for image in scale.ENLARGED] if self._scaled else []
+        self.passes = {gpu_pass.name: gpu_pass for gpu_pass in (TaaPass(parts), *enlarge)}
 
     def constants(self, frame: FrameInfo) -> dict[str, Any]:
         """Return the jitter of the frame, and the share of the frame in the history."""
@@ -46,7 +49,7 @@ class TaaTechnique(Technique):
         share = shares.next(frame.still and not self._reset, valid)
         before = self._jitter
         if share > 0.0:  # else the frame is not a part of the picture, and its jitter stays
-            self._jitter = offset(self._knobs.jitter, self._knobs.jitter_period, self._index)
+            self._jitter = offset(self._knobs.jitter, self._period, self._index)
             self._index += 1
         if self._reset:
             before, self._reset = self._jitter, False
@@ -56,6 +59,7 @@ class TaaTechnique(Technique):
             "previous_jitter_px": before,
             "history_share": share,
             "averaging": shares.averaging,
+            **({"aspect": frame.picture[0] / frame.picture[1]} if self._scaled else {}),
         }
 
     def resting(self, time: float) -> bool:
