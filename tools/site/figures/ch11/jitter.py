@@ -29,7 +29,7 @@ def sequences_in_a_pixel() -> Canvas:
         c.text(left, 28, name, 13, bold=True)
         c.rectangle((left, top, edge, edge), "card", "line", False, 0)
         middle = left + edge / 2, top + edge / 2
-        for x, y in ((9, 0), (0, 9)):
+        for x, y in ((9.0, 0.0), (0.0, 9.0)):
             c.line([(middle[0] - x, middle[1] - y), (middle[0] + x, middle[1] + y)], "ink", 1.5)
         for frame, (x, y) in enumerate(offsets(name, PERIOD)):
             at = middle[0] + edge * x, middle[1] + edge * y

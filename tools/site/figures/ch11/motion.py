@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import colorsys
 import math
+from collections.abc import Callable
 
 from tools.site.figures.canvas import Canvas
 
@@ -58,7 +59,7 @@ def vectors_as_colours() -> Canvas:
         760, 320, "Motion vectors as colours: a pan, a turning box, and the vector that each pixel follows"
     )
     cell, top = 15.0, 46.0
-    panels = (
+    panels: tuple[tuple[str, Callable[[int, int], Vector], float], ...] = (
         ("a pan", lambda x, y: PAN, 1.0),
         ("a box that turns", turning, LONGEST),
         ("the closest of 3x3", closest, LONGEST),
