@@ -65,6 +65,6 @@ class TaaSettings:
     jitter: str = knob("halton", "sequence of the shifts of the projection", choices=SEQUENCES)
     jitter_period: int = knob(8, "frames after which the sequence repeats", minimum=1, maximum=64)
     mip_bias: float = knob(
-        -0.25, "added to the level of textures, since a history averages finer detail", minimum=-4, maximum=4
+        -1.0, "added to the level of textures, since a history averages finer detail", minimum=-4, maximum=4
     )
     steady_uv: bool = knob(False, "whether textures are looked up where they would be without jitter")
