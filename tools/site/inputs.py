@@ -2,7 +2,7 @@
 
 docs/records/pictures.json   of each picture the hash of its inputs and of itself, with device, commit and date
 
-A hash covers the code of the chapters that drew a picture, the shaders that chapters share, and the scene. It leaves
+A hash covers the code of the chapters that drew a picture, the shared shaders that it names, and the scene. It leaves
 out comments, docstrings and blank lines, which change no pixel, and what is in common/ and backends/, which would make
 all pictures stale with every change: those are held by the tests of chapters, and by drawing all pictures anew
 (`./strata test docs --long`).
@@ -32,17 +32,39 @@ _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 
 
 def chapter(number: int) -> list[Path]:
-    """Return the files of a chapter's frame, and the shaders that chapters share."""
+    """Return the files of a chapter's frame, and those of the shared shaders that they name."""
     folder = chapters.folder_of(number)
     own = [path for path in folder.rglob("*") if not BESIDE & {*path.relative_to(folder).parts}]
-    return [path for path in (*own, *(ROOT / "shaders").rglob("*")) if path.suffix in CODE]
+    return _with_shaders(path for path in own if path.suffix in CODE)
+
+
+def _with_shaders(own: Iterable[Path]) -> list[Path]:
+    """Return files with the shared shaders whose names they contain, and those that these include.
+
+    Shared shaders of whole stages are always among them: the backends name those. So a shader that a later chapter adds
+    makes no picture of an earlier one stale.
+    """
+    shared = {path.name: path for path in (ROOT / "shaders").rglob("*") if path.suffix in SHADERS}
+    found = {*own}
+    new = found | {path for path in shared.values() if path.suffix != ".glsl"}
+    while new:
+        found |= new
+        new = {shared[name] for path in new for name in _named(path) & shared.keys()} - found
+    return [*found]
+
+
+@cache
+def _named(path: Path) -> frozenset[str]:
+    """Return the names of shaders that a file contains."""
+    text = path.read_text("utf-8", "replace") if path.is_file() else ""
+    return frozenset(name for name in re.findall(r"[\w]+\.\w+", text) if name[name.index(".") :] in SHADERS)
 
 
 def study(number: int, name: str) -> list[Path]:
     """Return the files of a study, with those beside it that studies share."""
     folder = chapters.folder_of(number) / "studies"
-    found = [*folder.glob("*"), *(folder / name.replace("-", "_")).rglob("*"), *(ROOT / "shaders").rglob("*")]
-    return [path for path in found if path.suffix in CODE]
+    found = [*folder.glob("*"), *(folder / name.replace("-", "_")).rglob("*")]
+    return _with_shaders(path for path in found if path.suffix in CODE)
 
 
 def scene(name: str) -> list[Path]:
