@@ -383,13 +383,8 @@ class FrameInfo:
     valid_histories: int = 0
     """The histories that the frame may use, as bits (`common.layouts.CONSTANTS`); 0 in chapters that do not use it."""
 
-    picture_size: tuple[int, int] | None = None
-    """The size of the finished picture, if it has more pixels than are drawn (`size`)."""
-
-    @property
-    def picture(self) -> tuple[int, int]:
-        """The size of the finished picture."""
-        return self.picture_size or self.size
+    picture: tuple[int, int] = (0, 0)
+    """The size of the finished picture, which may have more pixels than are drawn (`size`), from chapter 11 on."""
 
 
 class Technique:

@@ -91,7 +91,6 @@ def test_textures_are_looked_up_as_at_the_size_of_the_picture():
 # --- what a picture converges to ---
 
 
-@pytest.mark.core
 def test_a_view_that_stands_still_becomes_the_mean_of_all_samples_and_rests(chapter, scene):
     """Against float64, from the images that were drawn.
 
@@ -266,10 +265,10 @@ def coded(frame_light, view):
 
 
 @pytest.mark.long
+@pytest.mark.needs("flip_evaluator")
 @pytest.mark.variants("gl")
 def test_two_thirds_look_nearly_like_the_whole_picture(chapter):
     """FLIP against 8x8 samples a pixel, of the atrium at rest and after 16 frames of a pan by a pixel each."""
-    pytest.importorskip("flip_evaluator")
     size, step, count = (160, 90), 0.006, 16
     scene = scenes.load("atrium")
     base = Settings(taa="full")

@@ -254,7 +254,9 @@ class FramePlan:
             nodes.append(copy)
         kept = {a.resource for node in nodes for a in node.writes} if self.keeps_all else {self.shown}
         drawn = drawn_size(settings, size)
-        graph = compile_graph(nodes, drawn, outputs, externals, requirements, alias, kept, queues=self._queues)
+        graph = compile_graph(
+            nodes, drawn, outputs, externals, requirements, alias, kept, queues=self._queues
+        )
         self.kept, self.externals = kept, externals
         return nodes, graph
 

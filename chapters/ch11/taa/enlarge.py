@@ -23,12 +23,10 @@ class EnlargePass(FullscreenPass):
         self.name, self._image, self._format = ENLARGE + image, image, ENLARGED[image]
         integer = self._format if image == "instance_id" else None
         self.reads = (Access(image + DRAWN, "sampled", format=integer),)
-        depth = image == "depth"
-        self.writes = (
-            Access(
-                image, "depth" if depth else "color", format=self._format, clear=(0.0,) if depth else None
-            ),
-        )
+        if image == "depth":
+            self.writes = (Access(image, "depth", format=self._format, clear=(0.0,)),)
+        else:
+            self.writes = (Access(image, "color", format=self._format),)
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
