@@ -58,7 +58,7 @@ OVERLAP = (
     " && bin_of(interval.x, first_code) <= bin && bin <= bin_of(interval.y, first_code)",
 )
 MOVED = ("motion/reprojection.glsl", "0.5 * (here - there)")
-PLACE = ("taa/resolve.comp", " / size - moved;")
+PLACE = ("taa/resolve.comp", " / vec2(imageSize(resolved)) - moved;")
 SHARED = ("taa/weights.glsl", "shared_out(mix(HISTORY_LEAST, HISTORY_MOST, likeness), share);")
 FINITE = ("taa/resolve.comp", "!any(isnan(color)) && !any(isinf(color))")
 SQUARES = (
@@ -662,7 +662,7 @@ CASES = {
     ),
     "a history of nowhere": (
         (11, "the-other-way"),
-        (*PLACE, " / size;"),
+        (*PLACE, " / vec2(imageSize(resolved));"),
         "another colour than without a history",
     ),
     "the weights in their order": (
@@ -851,7 +851,10 @@ RIGHT = {
     ),
     "a small depth for none": ((10, "froxel-of-a-point"), (*AHEAD, "np.maximum(depths, 1e-300)")),
     "each by its half": ((11, "twice-as-far"), (*MOVED, "0.5 * here - 0.5 * there")),
-    "from the place of the next": ((11, "the-other-way"), (*PLACE, " / size + (-moved);")),
+    "from the place of the next": (
+        (11, "the-other-way"),
+        (*PLACE, " / vec2(imageSize(resolved)) + (-moved);"),
+    ),
     "neither of both": ((11, "never-gone"), (*FINITE, "!(any(isnan(color)) || any(isinf(color)))")),
     "the mean by a product": (
         (11, "lost-digits"),
