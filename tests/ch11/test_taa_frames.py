@@ -319,6 +319,20 @@ def test_without_it_nothing_is_made(chapter, scene):
         assert renderer.idle(VIEW)
 
 
+@pytest.mark.feature("taa/history")
+def test_a_pass_that_is_switched_off_leaves_no_jitter(chapter, scene):
+    with opened(chapter, BASE, scene, taa="off") as renderer:
+        steady = light(renderer.render(VIEW))
+    with opened(chapter, BASE, scene, mip_bias=0.0) as renderer:
+        frames_of(renderer, 3)
+        renderer.switch_pass("taa", False)
+        for _ in range(2):
+            assert np.array_equal(light(renderer.render(VIEW)), steady) and renderer.idle(VIEW)
+        renderer.switch_pass("taa", True)
+        frames_of(renderer, 2)
+        assert not np.array_equal(light(renderer.render(VIEW)), steady)
+
+
 # --- all modes ---
 
 MODES = (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from chapters.ch11.taa.model import RESIDUE, REST_PERIODS, Shares
+from chapters.ch11.taa.model import RESIDUE, REST_PERIODS, SETTLING_SHARE, Shares
 
 PERIOD = 4
 WHOLE = REST_PERIODS * PERIOD
@@ -33,6 +33,7 @@ def test_equal_frames_after_others_weigh_the_same_and_the_others_the_residue():
     equal = []
     while not shares.resting:
         equal.append(shares.next(True, True))
+    assert min(equal[: PERIOD - 1]) == SETTLING_SHARE
     assert len(equal) == WHOLE + PERIOD - 1  # the last frame of those that moved shows the same as well
     of_all = weights(moving + equal)
     assert of_all.sum() == pytest.approx(1.0)

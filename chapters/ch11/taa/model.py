@@ -16,6 +16,9 @@ REST_PERIODS = 4
 HALF_SLACK = 5e-4
 """How far a history of half floats may be outside of a box, in its largest value: they are rounded by 2^-11."""
 
+SETTLING_SHARE = 0.25
+"""Share of a frame at least, in the period between the last movement and the mean."""
+
 RESIDUE = 0.05
 """Part of an earlier history in the mean of frames that show the same."""
 
@@ -92,7 +95,8 @@ class Shares:
     that show the same are averaged (`averages`):
 
     - If no frame since the reset showed anything else, frame n has the share 1 / n. The history is the mean of all.
-    - Otherwise one more period is blended as before, so that what has moved leaves the history. Then the K frames of
+    - Otherwise one more period is blended, with SETTLING_SHARE at least, so that what has moved leaves the history: of
+      what the constraint has left of it, 0.75^8 or a tenth after eight frames. Then the K frames of
       REST_PERIODS periods follow, each with the weight w = (1 - RESIDUE) / K in the final mean: frame j has the share
       w / (RESIDUE + j w). The history before has the weight RESIDUE. A share of 1 for the first of them would leave
       no residue, but its aliasing would be visible in that frame.
@@ -144,7 +148,7 @@ class Shares:
         if not self._averages:
             return self._share
         if not self.averaging:
-            return max(self._share, 1.0 / self.age)
+            return max(self._share, 1.0 / self.age, SETTLING_SHARE if still else 0.0)
         if from_start:
             return 1.0 / self.age
         weight = (1.0 - RESIDUE) / whole

@@ -36,7 +36,9 @@ class TaaSettings:
     )
     taa_history: str = knob("catmull-rom", "filter by which the history is looked up", choices=HISTORIES)
     taa_filter: str = knob(
-        "none", "filter that finds the colour of a pixel from the samples of 3x3 pixels", choices=FILTERS
+        "none",
+        "filter that finds the colour of a pixel from the samples of 3x3 pixels, at taa_scale=1",
+        choices=FILTERS,
     )
     taa_constraint: str = knob(
         "variance-clamp", "how the history is brought close to the colours of 3x3 pixels", choices=CONSTRAINTS

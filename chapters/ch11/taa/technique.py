@@ -34,7 +34,7 @@ class TaaTechnique(Technique):
         self._shares = model.Shares(settings.taa.taa_share, self._period, model.averages(settings))
         self._index = 0
         self._jitter = (0.0, 0.0)
-        self._reset = True
+        self._reset = self._drawn = True
 
     def create(self, parts: PassParts, backend: Backend, passes: Mapping[str, Pass]) -> None:
         """Make the pass."""
@@ -43,7 +43,9 @@ class TaaTechnique(Technique):
 
     def constants(self, frame: FrameInfo) -> dict[str, Any]:
         """Return the jitter of the frame, and the share of the frame in the history."""
-        if not self._on:
+        self._drawn = self._on and any(gpu_pass.name == TaaPass.name for gpu_pass in frame.passes)
+        if not self._drawn:  # also if the pass is switched off: without a history the picture would tremble
+            self.reset("")
             return {}
         shares, valid = self._shares, bool(frame.valid_histories & HISTORY_COLOR) and not self._reset
         share = shares.next(frame.still and not self._reset, valid)
@@ -64,7 +66,7 @@ class TaaTechnique(Technique):
 
     def resting(self, time: float) -> bool:
         """Whether the picture stays as it is, as long as nothing else changes."""
-        return not self._on or self._shares.resting
+        return not (self._on and self._drawn) or self._shares.resting
 
     def reset(self, reason: str) -> None:
         """Begin the sequence and the history anew."""
