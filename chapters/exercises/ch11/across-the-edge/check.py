@@ -23,7 +23,7 @@ def check(given: Given) -> None:
         hard = np.where(cover >= 0.5, BRIGHT, DARK)
         right = DARK + (BRIGHT - DARK) * cover
         light = decode_srgb(np.repeat(hard[..., None], 3, axis=-1) / 255.0)
-        with given.open(glowing(np.float32(light)), (SIDE, SIDE), ambient=0.0, fxaa=True) as renderer:
+        with given.open(glowing(light.astype(np.float32)), (SIDE, SIDE), ambient=0.0, fxaa=True) as renderer:
             found = renderer.render(facing(ev100=EV)).image("color")[..., 1].astype(np.float64)
         given.silent()
         inner = (slice(10, -10), slice(10, -10))

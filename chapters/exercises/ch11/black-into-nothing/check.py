@@ -16,7 +16,9 @@ EV = -0.2630344058337938
 def check(given: Given) -> None:
     """First that all is finite, then that nothing is negative, then each pixel."""
     rng = np.random.default_rng(2)
-    picture = np.float32(10.0 ** rng.uniform(-2, 1, (24, 30, 1)) * rng.uniform(0.2, 1.0, (24, 30, 3)))
+    picture = (10.0 ** rng.uniform(-2, 1, (24, 30, 1)) * rng.uniform(0.2, 1.0, (24, 30, 3))).astype(
+        np.float32
+    )
     picture[3:6, 3:6] = 0.0
     picture[12, 12] = 30_000.0
     found = {}

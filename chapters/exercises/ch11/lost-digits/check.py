@@ -26,7 +26,7 @@ def check(given: Given) -> None:
         "deviation = n.deviation;"
     )
     for kind, (base, range_) in {**CASES, "that are equal": (1234.5, 0.0)}.items():
-        samples = np.float32(base + range_ * np.random.default_rng(3).random((COUNT, 9, 3)))
+        samples = (base + range_ * np.random.default_rng(3).random((COUNT, 9, 3))).astype(np.float32)
         inputs = {name: samples[:, i] for i, name in enumerate(names)}
         found = evaluate(given.device, [file], body, inputs, {"deviation": "vec3"}, {"FILTER": 0})[
             "deviation"

@@ -31,7 +31,7 @@ def holed(given: Given, file: str) -> Any:
     description: Any = given.module("pipelines.description").PipelineDescription
     base: Any = given.module("post.fullscreen").FullscreenPass
 
-    class Holed(base):
+    class Holed(base):  # type: ignore[misc]
         name = "holed"
         reads = (Access("color_hdr", "sampled"),)
         writes = (Access("color_holed", "color", format="rgba32f"),)
@@ -61,7 +61,8 @@ def check(given: Given) -> None:
         file.write_text(HOLE, "utf-8")
         for average in (True, False):
             knobs = {**FULL, "taa_average": average}
-            with given.open(court(), SIZE, ("color_linear",), **knobs) as renderer:
+            with given.open(court(), SIZE, ("color_linear",), **knobs) as opened:
+                renderer: Any = opened
                 gpu_pass: Any = renderer.make_pass(holed(given, str(file)))
                 renderer.insert_pass(gpu_pass, {"taa": {"color_hdr": "color_holed"}})
                 for number in range(4):

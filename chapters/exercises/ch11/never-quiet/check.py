@@ -18,7 +18,8 @@ def check(given: Given) -> None:
     """First the weights of the history, then how much is left of the noise of single frames."""
     file = str(chapters.folder_of(given.which) / "taa" / "weights.glsl")
     now, before = (
-        np.repeat(np.float32([pair[i] for pair in PAIRS.values()])[:, None], 3, axis=1) for i in (0, 1)
+        np.repeat(np.array([pair[i] for pair in PAIRS.values()], np.float32)[:, None], 3, axis=1)
+        for i in (0, 1)
     )
     body = "Neighbourhood n = Neighbourhood(now, now, now, vec3(0.0), now); found = weights(now, before, n, 0.1);"
     found = evaluate(

@@ -19,7 +19,7 @@ WAYS = {"to the right": (2, 0), "down": (0, -3), "to the left and up": (-1, 2)}
 def check(given: Given) -> None:
     """One step of the camera in each direction, without jitter."""
     codes = np.random.default_rng(7).uniform(0.2, 1.0, (SIZE[1], SIZE[0], 3))
-    scene, view = glowing(np.float32(codes)), facing()
+    scene, view = glowing(codes.astype(np.float32)), facing()
     knobs = {"taa": "simple", "jitter_period": 1, "mip_bias": 0.0, "ambient": 0.0}
     for way, (x, y) in WAYS.items():
         step = replace(view, world_from_view=view.world_from_view @ translated(x * PIXEL, y * PIXEL))
