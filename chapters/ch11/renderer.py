@@ -5,8 +5,9 @@
     passes     record the passes of the graph, in its order (graph/*.json): light_lists, shadows, what culling needs;
                deferred: gbuffer, or visibility and visibility_resolve; ssao; lighting
                forward:  one pass of that name, and resolve with several samples a pixel
-               and behind either: transparent, or the passes of layers -> color_hdr, depth; three passes of a lens,
-               exposure and bloom -> color_focused; tonemap -> color; instance_id and motion, if requested
+               and behind either: transparent, or the passes of layers -> color_hdr, depth; motion and taa
+               -> history_color; three passes of a lens, exposure and bloom -> color_bloomed; motion_blur and sharpen
+               -> color_focused; tonemap, and fxaa -> color; instance_id and motion, if requested
     copy       copy the requested outputs to the CPU
 
 The frame is a graph (graph/frame_graph.py), compiled when its structure changes. The passes, their order and the
