@@ -376,8 +376,7 @@ def test_two_at_once_are_one(server, sources, model):
 def test_ctrl_c_keeps_what_came(server, sources, model, manifest, cache):
     server.gate = threading.Event()
     code = (
-        "import sys; from pathlib import Path; from tools.assets import command; from tools.cli import stopping;"
-        f"stopping.GRACE_S = {PATIENCE_S};"  # a busy machine takes more than the half second to say what it kept
+        "import sys; from pathlib import Path; from tools.assets import command;"
         "command.get(['Duo'], True, Path(sys.argv[1]), {'local': sys.argv[2]})"
     )
     begun = subprocess.Popen(
@@ -393,7 +392,10 @@ def test_ctrl_c_keeps_what_came(server, sources, model, manifest, cache):
         assert begun.poll() is None
     begun.send_signal(signal.SIGINT)
     _, said = begun.communicate(timeout=60)
-    assert "KeyboardInterrupt" in said and "1.51 kB are kept, and the same command goes on" in said
+    assert "1.51 kB are kept, and the same command goes on" in said
+    assert (
+        "KeyboardInterrupt" in said or "strata: stopped." in said
+    )  # the second if the read had not begun to wait
     assert lying(model) == {"Duo.gltf.part": MAIN[: len(MAIN) // 2]}
     server.gate.set()
     server.gate = None

@@ -111,13 +111,18 @@ def _agreed(model: Model, yes: bool) -> bool:
 
 
 def _fetch(model: Model, sources: Mapping[str, str], pause_s: float) -> None:
+    def kept() -> str:
+        return f"{in_bytes(unfinished(model))} are kept, and the same command goes on from there."
+
     try:
-        with prompt_stop(), Steps() as steps:
+        # A read that waits for the server is not always ended by Ctrl-C: never on Windows, and elsewhere not if the
+        # signal comes just before it.
+        with prompt_stop(kept), Steps() as steps:
             steps("fetching", 0.0)
             advance: Any = steps.of("fetching", 0.0, 1.0)
             came = fetch(model, advance, sources, pause_s)
     except KeyboardInterrupt:
-        say(f"{in_bytes(unfinished(model))} are kept, and the same command goes on from there.")
+        say(kept())
         raise
     store.write_notice(model)
     say(f"Fetched {in_bytes(came)}; ./strata run 1 --scene {model.name} draws it.")

@@ -11,7 +11,7 @@ import os
 import signal
 import socket
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from common.paths import remove_unfinished
@@ -25,11 +25,11 @@ GRACE_S = 0.5
 
 
 @contextmanager
-def prompt_stop() -> Iterator[None]:
+def prompt_stop(last_words: Callable[[], str] | None = None) -> Iterator[None]:
     """End the process `GRACE_S` after Ctrl-C, if what is done inside has not ended by itself until then.
 
-    Files that were being written are removed; what is on the GPU goes with the process. Outside of the main thread,
-    where no signal arrives, this does nothing.
+    Files that were being written are removed; what is on the GPU goes with the process. `last_words` gives a sentence
+    that is said before such an end. Outside of the main thread, where no signal arrives, this does nothing.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -38,7 +38,7 @@ def prompt_stop() -> Iterator[None]:
     writer.setblocking(False)
     before = signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
     over = threading.Event()
-    threading.Thread(target=_watch, args=(reader, over), daemon=True).start()
+    threading.Thread(target=_watch, args=(reader, over, last_words), daemon=True).start()
     try:
         yield
     finally:
@@ -47,15 +47,17 @@ def prompt_stop() -> Iterator[None]:
         writer.close()  # which ends the thread, and that closes the other end
 
 
-def _watch(reader: socket.socket, over: threading.Event) -> None:
+def _watch(reader: socket.socket, over: threading.Event, last_words: Callable[[], str] | None) -> None:
     with reader:
         while received := reader.recv(64):
             if signal.SIGINT in received and not over.wait(GRACE_S):
-                _end()
+                _end(last_words)
 
 
-def _end() -> None:
+def _end(last_words: Callable[[], str] | None) -> None:
     remove_unfinished()
     err.show_cursor(True)  # a progress bar hides it
+    if last_words is not None:
+        say(last_words())
     say("strata: stopped.")
     os._exit(STOPPED)
