@@ -16,9 +16,10 @@ SURFACES, BLENDED = 1, 2
 MOST_INSTANCES = 1 << 24
 """A record has 24 bits for the number of its instance."""
 
-CULL_DISABLE, FLIP_FACING, FORCE_OPAQUE, FORCE_NO_OPAQUE = 1, 2, 4, 8
-"""Flags of a record (VkGeometryInstanceFlagBitsKHR). In Vulkan a triangle is seen from its front where its corners run
-clockwise, in object space; here, as in glTF, where they run counter-clockwise: so the facing of all is flipped."""
+CULL_DISABLE, FORCE_OPAQUE, FORCE_NO_OPAQUE = 1, 4, 8
+"""Flags of a record (VkGeometryInstanceFlagBitsKHR). A triangle is seen from its front where its corners run
+counter-clockwise in right-handed object space, as in glTF. The flag TRIANGLE_FLIP_FACING has a second name with "front
+counter-clockwise" in it, which speaks of left-handed space."""
 
 
 def check_count(count: int, most: int = MOST_INSTANCES) -> None:
@@ -54,7 +55,7 @@ def instance_table(
         of_mesh[mesh] = address
     instances = scene.instances
     opaque = opaque_materials(scene)[scene.meshes["material"][instances.mesh]]
-    flags = np.where(opaque, FORCE_OPAQUE, FORCE_NO_OPAQUE).astype(np.uint32) | CULL_DISABLE | FLIP_FACING
+    flags = np.where(opaque, FORCE_OPAQUE, FORCE_NO_OPAQUE).astype(np.uint32) | CULL_DISABLE
     address = of_mesh[instances.mesh]
     table = np.zeros((len(instances), 4), np.uint32)
     table[:, 0] = address & np.uint64(0xFFFFFFFF)
