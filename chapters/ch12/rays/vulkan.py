@@ -199,7 +199,8 @@ class RayStructures:
         moving = data.records.moving_key(pose)
         key = (moving, scene.revision[Change.VISIBILITY], scene.revision[Change.MATERIALS], self.revision)
         changed = key != self._seen
-        self.refits = bool(self._moving) and (deformed or changed)
+        posed = self._seen is None or moving != self._seen[0]
+        self.refits = bool(self._moving) and (deformed or posed)
         self._sorted_ago += changed
         if self._sorted_ago > SORT_EVERY:
             self._order = morton_order(data.records.instances["bounds_centre"][:, :3])
