@@ -126,6 +126,37 @@ class MeshGeometry:
 
 
 @dataclass(frozen=True)
+class BoxGeometry:
+    """Boxes, in which intersection shaders look for surfaces: the address of six floats each, low and high corners."""
+
+    boxes: int
+    count: int
+    name: str
+    refits: bool = False
+
+    def info(self, boxes: int | None = None) -> dict[str, Any]:
+        """Return the VkAccelerationStructureGeometryKHR, with other boxes if they are given."""
+        data = {
+            "sType": vk.VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_AABBS_DATA_KHR,
+            "data": {"deviceAddress": self.boxes if boxes is None else boxes},
+            "stride": 24,
+        }
+        return {
+            "sType": vk.VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR,
+            "geometryType": vk.VK_GEOMETRY_TYPE_AABBS_KHR,
+            "geometry": {"aabbs": data},
+        }
+
+    @property
+    def flags(self) -> int:
+        """The flags of its builds."""
+        return int(_FAST | (_UPDATES if self.refits else _COMPACTS))
+
+
+Geometry = MeshGeometry | BoxGeometry
+
+
+@dataclass(frozen=True)
 class Sizes:
     """What a structure takes, in bytes: itself, scratch memory of a build, and of an update."""
 
@@ -231,7 +262,7 @@ def batches(sizes: Sequence[Sizes], counts: Sequence[int], budget: Budget) -> It
 class Bottom:
     """A structure of a mesh that was built: its handle, its address, and what it takes."""
 
-    geometry: MeshGeometry
+    geometry: Geometry
     handle: Any
     address: int
     size: int
@@ -244,7 +275,7 @@ class Bottom:
 class Bottoms:
     """The structures of meshes, built when this object is created. `counts` says what was done, in `frame.work`'s way."""
 
-    def __init__(self, device: Device, geometries: Sequence[MeshGeometry], budget: Budget = Budget()) -> None:
+    def __init__(self, device: Device, geometries: Sequence[Geometry], budget: Budget = Budget()) -> None:
         self._device = device
         self._buffers: list[Buffer] = []
         self.all: list[Bottom] = []
@@ -264,7 +295,7 @@ class Bottoms:
             self.close()
             raise
 
-    def _build(self, geometries: Sequence[MeshGeometry], budget: Budget, compacts: bool) -> list[Bottom]:
+    def _build(self, geometries: Sequence[Geometry], budget: Budget, compacts: bool) -> list[Bottom]:
         infos = [build_info(_BOTTOM, it.flags, it.info()) for it in geometries]
         sizes = [
             sizes_of(self._device, info, it.count) for info, it in zip(infos, geometries, strict=True)
@@ -282,7 +313,7 @@ class Bottoms:
         return built
 
     def _batch(
-        self, geometries: Sequence[MeshGeometry], infos: Sequence[Any], sizes: Sequence[Sizes], compacts: bool
+        self, geometries: Sequence[Geometry], infos: Sequence[Any], sizes: Sequence[Sizes], compacts: bool
     ) -> list[Bottom]:
         device, counts = self._device, [it.count for it in geometries]
         built = self._placed(geometries, [size.structure for size in sizes], "structures")
@@ -303,7 +334,7 @@ class Bottoms:
             scratch.close()
         return built
 
-    def _placed(self, geometries: Sequence[MeshGeometry], sizes: Sequence[int], name: str) -> list[Bottom]:
+    def _placed(self, geometries: Sequence[Geometry], sizes: Sequence[int], name: str) -> list[Bottom]:
         """Return structures of these sizes in one buffer, not built."""
         device = self._device
         offsets, end = places(sizes, PLACE)
