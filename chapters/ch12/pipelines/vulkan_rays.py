@@ -176,6 +176,16 @@ def groups_of(described: RayDescription) -> list[str | HitGroup]:
     return [described.raygen, *described.miss, *described.hits, *described.callables]
 
 
+def links(device: Device, stages: Sequence[Stage]) -> bool:
+    """Whether a device links these stages from libraries; without, the pipeline is built as one.
+
+    Some drivers give a linked pipeline no push constants.
+    """
+    if LIBRARY not in device.extensions:
+        return False
+    return device.capabilities.use("ray-tracing", "libraries") or not any(it.module.push for it in stages)
+
+
 def build_rays(
     device: Device,
     described: RayDescription,
@@ -208,7 +218,7 @@ def build_rays(
             )
             for file, stage, module, values in zip(described.shaders, stages, modules, special, strict=True)
         }
-        if described.linked and LIBRARY in device.extensions:
+        if described.linked and links(device, stages):
             for group in groups_of(described):
                 created.append(_create(device, described, [group], infos, layout, cache, library=True))
             created.append(_create(device, described, [], {}, layout, cache, created))
