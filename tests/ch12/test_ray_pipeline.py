@@ -252,7 +252,9 @@ def test_intersection_shaders_find_spheres_in_boxes(runs, device, tmp_path):
         ("missed.rmiss", MISSED),
     ):
         (tmp_path / name).write_text(text)
-    path = {name.partition(".")[0]: str(tmp_path / name) for name in ("start.rgen", "sphere.rint", "shown.rchit")}
+    path = {
+        name.partition(".")[0]: str(tmp_path / name) for name in ("start.rgen", "sphere.rint", "shown.rchit")
+    }
     boxes = np.array([[-1, -1, -1, 1, 1, 1], [2, -1, -1, 4, 1, 1]], np.float32)
     copied = vk.VK_BUFFER_USAGE_TRANSFER_DST_BIT
     buffer = create_buffer(device, boxes.nbytes, INPUT | copied, "device", "boxes")
@@ -313,14 +315,18 @@ def test_a_recursion_that_the_device_lacks_is_refused(runs, callables):
     deepest = RayLimits.of(runs.device).deepest
     for depth in (0, deepest + 1):
         described = RayDescription(callables.raygen, callables=callables.callables, recursion=depth)
-        with pytest.raises(ShaderError, match=f"traces rays {depth} deep, and this device has 1 to {deepest}"):
+        with pytest.raises(
+            ShaderError, match=f"traces rays {depth} deep, and this device has 1 to {deepest}"
+        ):
             runs.pipelines.get([described])
     assert len(runs.pipelines) == 0
 
 
 def test_more_rays_than_a_device_traces_at_once_are_refused():
     check_rays((1000, 1000, 1), 1_000_000)
-    with pytest.raises(UnsupportedError, match="1000x1001x1 rays are 1001000, and this device traces 1000000"):
+    with pytest.raises(
+        UnsupportedError, match="1000x1001x1 rays are 1001000, and this device traces 1000000"
+    ):
         check_rays((1000, 1001, 1), 1_000_000)
 
 
@@ -383,6 +389,8 @@ def test_a_frame_of_builds_and_traces_has_no_hazard_and_no_barrier_in_vain():
     truth = Truth(nodes, ["color"], externals)
     places = places_of(graph)
     assert not find_hazards(events_of(truth, graph), places)
-    listed = [(number, place) for number, step in enumerate(graph.steps) for place in range(len(step.barriers))]
+    listed = [
+        (number, place) for number, step in enumerate(graph.steps) for place in range(len(step.barriers))
+    ]
     assert len(listed) >= 5
     assert [one for one in listed if is_safe(events_of(truth, graph, skip=one), places)] == []

@@ -21,9 +21,7 @@ TRIANGLES = {"type": vk.VK_RAY_TRACING_SHADER_GROUP_TYPE_TRIANGLES_HIT_GROUP_KHR
 def pipeline(bench: Bench, **fields: Any) -> Any:
     """Return a ray pipeline without recursion, from members of its VkRayTracingPipelineCreateInfoKHR."""
     device = bench.device
-    infos = vk.array(
-        "VkRayTracingPipelineCreateInfoKHR", [{"maxPipelineRayRecursionDepth": 1, **fields}]
-    )
+    infos = vk.array("VkRayTracingPipelineCreateInfoKHR", [{"maxPipelineRayRecursionDepth": 1, **fields}])
     out = vk.ffi.new("VkPipeline[1]")
     code = bench.fn.vkCreateRayTracingPipelinesKHR(device.handle, vk.NULL, vk.NULL, 1, infos, vk.NULL, out)
     vk.check(code, "vkCreateRayTracingPipelinesKHR", infos)
@@ -63,7 +61,13 @@ def tables(bench: Bench, of: Any, groups: int) -> Sequence[Any]:
 
 
 def trace(
-    bench: Bench, of: Any, layout: Any, bound: Any, regions: Sequence[Any], extent: tuple[int, int], commands: Any
+    bench: Bench,
+    of: Any,
+    layout: Any,
+    bound: Any,
+    regions: Sequence[Any],
+    extent: tuple[int, int],
+    commands: Any,
 ) -> None:
     """Record a trace with one descriptor set."""
     point, fn = vk.VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR, bench.fn

@@ -129,9 +129,7 @@ class BindingTable:
 
     def _filled(self, size: int, counts: Sequence[int], name: str) -> Buffer:
         self._counts = counts
-        usage = (
-            vk.VK_BUFFER_USAGE_SHADER_BINDING_TABLE_BIT_KHR | vk.VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT
-        )
+        usage = vk.VK_BUFFER_USAGE_SHADER_BINDING_TABLE_BIT_KHR | vk.VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT
         size += self.limits.base_alignment
         return create_buffer(self._device, size, usage, "upload", f"binding table of {name}")
 

@@ -36,7 +36,7 @@ from ..scene.pages import mesh_records
 from .bvh.morton import order as morton_order
 from .model import check_count, instance_table, order_words
 from .triangles import build_order, mesh_triangles
-from .vulkan_build import INPUT, Bottoms, Budget, MeshGeometry, StructureLimits
+from .vulkan_build import DEFAULT, INPUT, Bottoms, Budget, MeshGeometry, StructureLimits
 from .vulkan_top import TopLevel, Waits
 
 RECORDS = ComputeDescription("rays/vulkan_records.comp", name="ray records")
@@ -50,7 +50,7 @@ _STORAGE = vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | vk.VK_BUFFER_USAGE_TRANSFER_D
 class RayStructures:
     """The structures of a scene, from opening to closing. `work` has the counters of the last frame."""
 
-    def __init__(self, backend: VulkanBackend, scene: Scene, budget: Budget = Budget()) -> None:
+    def __init__(self, backend: VulkanBackend, scene: Scene, budget: Budget = DEFAULT) -> None:
         self._device, self._data = backend.device, backend.data
         self._resources, self._descriptors = backend.resources, backend.descriptors
         self._scene, self._budget, self._limits = scene, budget, StructureLimits.of(backend.device)
@@ -114,9 +114,7 @@ class RayStructures:
         ]
         self._bottoms = Bottoms(self._device, geometries, self._budget)
         self._moving = [mesh for mesh in orders if mesh in self._deforming]
-        self._addresses = {
-            mesh: it.address for mesh, it in zip(orders, self._bottoms.all, strict=True)
-        }
+        self._addresses = {mesh: it.address for mesh, it in zip(orders, self._bottoms.all, strict=True)}
         self._top = TopLevel(self._device, len(scene.instances))
         self._make_kernel_sets()
 

@@ -1,9 +1,9 @@
 """Acceleration structures of meshes on Vulkan: built together, compacted, and refitted.
 
 A bottom-level structure (BLAS) holds the triangles of one mesh. The driver says how much memory a build takes: that of
-the structure, and *scratch* memory that only the build uses. One call builds many structures, and the GPU may build them
-at the same time, so each has scratch memory of its own. All of them together could take too much: they are built in
-batches, each within a budget.
+the structure, and *scratch* memory that only the build uses. One call builds many structures, and the GPU may build
+them at the same time, so each has scratch memory of its own. All of them together could take too much: they are built
+in batches, each within a budget.
 
 The size is an upper bound that the driver knows before the build. Afterwards a query tells the size that is really
 needed, and a copy in the mode COMPACT has just that. A structure that is refitted is not compacted: it is updated in
@@ -64,6 +64,9 @@ class Budget:
     scratch: int = 64 << 20
     storage: int = 256 << 20
     triangles: int = 2_000_000
+
+
+DEFAULT = Budget()
 
 
 @dataclass(frozen=True)
@@ -202,9 +205,7 @@ def create_structure(
 
 def record_builds(device: Device, commands: Any, infos: Sequence[Any], counts: Sequence[int]) -> None:
     """Record one call that builds several structures, which may run at the same time."""
-    ranges = [
-        vk.new("VkAccelerationStructureBuildRangeInfoKHR", primitiveCount=count) for count in counts
-    ]
+    ranges = [vk.new("VkAccelerationStructureBuildRangeInfoKHR", primitiveCount=count) for count in counts]
     pointers = vk.array("VkAccelerationStructureBuildRangeInfoKHR *", ranges)
     array = vk.array("VkAccelerationStructureBuildGeometryInfoKHR", infos)
     device.fn.vkCmdBuildAccelerationStructuresKHR(commands, len(infos), array, pointers)
@@ -273,9 +274,9 @@ class Bottom:
 
 
 class Bottoms:
-    """The structures of meshes, built when this object is created. `counts` says what was done, in `frame.work`'s way."""
+    """The structures of meshes, built when this object is created. `counts` has counters for `frame.work`."""
 
-    def __init__(self, device: Device, geometries: Sequence[Geometry], budget: Budget = Budget()) -> None:
+    def __init__(self, device: Device, geometries: Sequence[Geometry], budget: Budget = DEFAULT) -> None:
         self._device = device
         self._buffers: list[Buffer] = []
         self.all: list[Bottom] = []
@@ -297,9 +298,7 @@ class Bottoms:
 
     def _build(self, geometries: Sequence[Geometry], budget: Budget, compacts: bool) -> list[Bottom]:
         infos = [build_info(_BOTTOM, it.flags, it.info()) for it in geometries]
-        sizes = [
-            sizes_of(self._device, info, it.count) for info, it in zip(infos, geometries, strict=True)
-        ]
+        sizes = [sizes_of(self._device, info, it.count) for info, it in zip(infos, geometries, strict=True)]
         counts = [it.count for it in geometries]
         built: list[Bottom] = []
         for batch in batches(sizes, counts, budget):

@@ -84,7 +84,9 @@ class TopLevel:
     @property
     def bytes(self) -> int:
         """Bytes of all its buffers."""
-        return sum(buffer.size for buffer in self._owned) + (self._scratch.buffer.size if self._scratch else 0)
+        return sum(buffer.size for buffer in self._owned) + (
+            self._scratch.buffer.size if self._scratch else 0
+        )
 
     def write_table(self, slot: int, table: NDArray[np.uint32]) -> int:
         """Write the table of a slot, which no frame in flight uses; return the bytes."""
