@@ -115,7 +115,7 @@ bool hits_triangle(ShearedRay ray, vec3 a, vec3 b, vec3 c, out float t, out vec2
     float inverse = 1.0 / sum;
     t = (u * pa.z + v * pb.z + w * pc.z) * inverse;
     at = vec2(v, w) * inverse;
-    back = sum > 0.0;
+    back = sum < 0.0;
     // Comparisons with NaN are false.
     return (min(min(u, v), w) >= 0.0 || max(max(u, v), w) <= 0.0) && sum != 0.0 && abs(t) < 1e37;
 }

@@ -1,1 +1,1 @@
-"""Rays: structures that find the nearest surface along a ray, and a picture that is traced with them."""
+"""Rays against the scene: by ray-tracing pipelines, by ray queries, and by a hierarchy of the project's own."""
