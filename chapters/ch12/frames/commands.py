@@ -103,5 +103,8 @@ class Commands(Protocol):
     def dispatch_over(self, pipeline: Built, extent: Sequence[int]) -> None:
         """Run the work groups that cover `extent`, 1 to 3 numbers of invocations: pixels, or elements of an array."""
 
+    def trace(self, pipeline: Built, extent: Sequence[int]) -> None:
+        """Run a ray pass over `extent`, 1 to 3 numbers of rays: by work groups, unless the pipeline is one of rays."""
+
     def compute_barrier(self) -> None:
         """Make later dispatches wait for earlier ones, and make the stores of those visible."""

@@ -6,6 +6,7 @@ and the kernel has to test whether its invocation is inside. With one group less
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -70,6 +71,15 @@ def check_group(
         )
 
 
+def check_rays(extent: Sequence[int], most: int) -> None:
+    """Raise UnsupportedError for more rays than a device traces in one command."""
+    if math.prod(extent) > most:
+        shown = "x".join(map(str, extent))
+        raise UnsupportedError(
+            f"{shown} rays are {math.prod(extent)}, and this device traces {most} in one command: trace tiles of them."
+        )
+
+
 class DispatchCommands:
     """The common base of the compute commands of both APIs."""
 
@@ -84,3 +94,7 @@ class DispatchCommands:
     def dispatch_over(self, pipeline: Built, extent: Sequence[int]) -> None:
         """Run the work groups that cover `extent`, 1 to 3 numbers of invocations: pixels, or elements of an array."""
         self.dispatch(*group_count(extent, pipeline.group))
+
+    def trace(self, pipeline: Built, extent: Sequence[int]) -> None:
+        """Run a ray pass over `extent`, 1 to 3 numbers of rays: by work groups, unless the pipeline is one of rays."""
+        self.dispatch_over(pipeline, extent)

@@ -7,6 +7,7 @@ dispatch of the same pass wrote, the pass itself calls `compute_barrier` between
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -16,9 +17,10 @@ from backends.vulkan.barriers import barriers
 
 from ..pipelines.description import Built
 from .commands import SceneBinding
-from .dispatches import DispatchCommands
+from .dispatches import DispatchCommands, check_rays
 
 _COMPUTE = vk.VK_PIPELINE_BIND_POINT_COMPUTE
+_RAYS = vk.VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR
 
 _WRITES = vk.VK_ACCESS_2_SHADER_STORAGE_WRITE_BIT
 _READS = (
@@ -45,7 +47,8 @@ class Dispatches(DispatchCommands):
 
     def bind_compute(self, pipeline: Built, scene: SceneBinding | None = None) -> None:
         """Bind the pipeline of the next dispatches, the set of the scene if given, and the set of the sources."""
-        self._fn.vkCmdBindPipeline(self.handle, _COMPUTE, pipeline.handle)
+        point = _COMPUTE if pipeline.table is None else _RAYS
+        self._fn.vkCmdBindPipeline(self.handle, point, pipeline.handle)
         self.work["pipeline_binds"] += 1
         if scene is not None and pipeline.sets[0] is not None:
             self.bind_compute_set(pipeline, 0, scene.frame)
@@ -53,9 +56,10 @@ class Dispatches(DispatchCommands):
             self.bind_compute_set(pipeline, *self.sources)
 
     def bind_compute_set(self, pipeline: Built, number: int, descriptor_set: Any) -> None:
-        """Bind an array of one descriptor set as set `number` of compute."""
+        """Bind an array of one descriptor set as set `number` of compute, or of rays for a pipeline of rays."""
+        point = _COMPUTE if pipeline.table is None else _RAYS
         self._fn.vkCmdBindDescriptorSets(
-            self.handle, _COMPUTE, pipeline.layout, number, 1, descriptor_set, 0, vk.NULL
+            self.handle, point, pipeline.layout, number, 1, descriptor_set, 0, vk.NULL
         )
         self.work["descriptor_binds"] += 1
 
@@ -76,6 +80,16 @@ class Dispatches(DispatchCommands):
     def dispatch_indirect(self, buffer: Any, offset: int) -> None:
         """Run as many work groups as three words at a byte offset of a buffer say, after a `compute_barrier`."""
         self._fn.vkCmdDispatchIndirect(self.handle, buffer.handle, offset)
+        self.work["dispatches"] += 1
+
+    def trace(self, pipeline: Built, extent: Sequence[int]) -> None:
+        """Run the ray generation shader for each ray of `extent`; a compute pipeline runs work groups instead."""
+        if pipeline.table is None:
+            self.dispatch_over(pipeline, extent)
+            return
+        width, height, depth = (*extent, 1, 1)[:3]
+        check_rays((width, height, depth), pipeline.table.limits.most_rays)
+        self._fn.vkCmdTraceRaysKHR(self.handle, *pipeline.table.arguments, width, height, depth)
         self.work["dispatches"] += 1
 
     def compute_barrier(self) -> None:

@@ -6,13 +6,13 @@ import math
 from collections.abc import Collection, Mapping
 from typing import Any, get_args
 
-from backends.contract import Access, Pass, RateUse, Use
+from backends.contract import Access, Pass, RateUse, RayUse, Use
 from common.names import suggest
 
 from .sync.queues import QUEUES
 from .types import GraphError
 
-USES = (*get_args(Use), *get_args(RateUse))
+USES = (*get_args(Use), *get_args(RateUse), *get_args(RayUse))
 
 STORED = {
     "color": ("rgba8", "rgba8_srgb"),

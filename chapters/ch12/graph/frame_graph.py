@@ -235,7 +235,8 @@ def _touches(node: Node, wiring: Wiring, resources: Mapping[str, Resource]) -> d
         name = wiring.roots[access.resource]
         buffer = resources[name].kind == "buffer"
         if buffer != (
-            access.use in ("uniform", "indirect") or (access.use in ("storage", "copy") and buffer)
+            access.use in ("uniform", "indirect", "structure", "build")
+            or (access.use in ("storage", "copy") and buffer)
         ):
             what = "a buffer" if buffer else "an image"
             raise GraphError(f"'{node.name}' uses '{access.resource}' as '{access.use}', but it is {what}.")

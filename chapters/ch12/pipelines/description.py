@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Literal, Protocol
 
 from .compute_description import ComputeDescription
+from .ray_description import RayDescription
 
 Front = Literal["counter_clockwise", "clockwise"]
 """The winding of front faces on the screen."""
@@ -47,7 +48,7 @@ class PipelineDescription:
         return (self.color,) if isinstance(self.color, str) else self.color or ()
 
 
-Described = PipelineDescription | ComputeDescription
+Described = PipelineDescription | ComputeDescription | RayDescription
 
 
 @dataclass(eq=False)
@@ -68,6 +69,8 @@ class Built:
     push_stages: int = 0
     group: tuple[int, int, int] = (1, 1, 1)
     """Invocations of a work group along each axis, for a compute pipeline."""
+    table: Any = None
+    """The shader binding table of a ray pipeline on Vulkan; None for all others."""
 
 
 class Pipelines(Protocol):

@@ -21,10 +21,12 @@ from common.layouts import SNIPPETS
 from ..rates.vulkan import rates_of_attachment
 from .compute_description import ComputeDescription
 from .description import Built, Described, PipelineDescription
+from .ray_description import RayDescription
 from .specialization import SUBGROUP_SIZE, Values
 from .vulkan_cache import PipelineCache
 from .vulkan_compute import build_compute, group_of, subgroup_size
 from .vulkan_layouts import CAPACITY, Layouts
+from .vulkan_rays import BindingTable, build_rays
 from .vulkan_reflection import STAGES, Stage, check_pulled, chosen, merge
 
 CHAPTER = Path(__file__).resolve().parents[1]
@@ -33,8 +35,10 @@ EXTENSIONS = {
     "bindless.glsl": "GL_EXT_nonuniform_qualifier",
     "tables.glsl": "GL_EXT_mesh_shader",
     "subgroups.glsl": "GL_KHR_shader_subgroup_arithmetic",
+    "payload.glsl": "GL_EXT_ray_tracing",
+    "query.glsl": "GL_EXT_ray_query",
 }
-"""The includes that need an extension: all textures, the tables of task and mesh shaders, a loop over lights."""
+"""The includes that need an extension: all textures, the tables of task and mesh shaders, a loop over lights, rays."""
 
 _ALL_CHANNELS = (
     vk.VK_COLOR_COMPONENT_R_BIT
@@ -97,6 +101,8 @@ class Pipelines:
             self._built[described] = Built(
                 described, handle, stages, layout, sets, push_stages, group_of(spirv[0])
             )
+            if isinstance(described, RayDescription):
+                self._built[described].table = BindingTable(self._device, described, handle)
         return [self._built[described] for described in descriptions]
 
     def _compile(self, descriptions: Sequence[Described], keep: bool = True) -> list[Stages]:
@@ -125,19 +131,27 @@ class Pipelines:
             check_fit(old[described].code, stages, changed)
         anew = [described for described in old if new[described].codes != old[described].code.codes]
         handles: dict[Described, Any] = {}
+        tables: dict[Described, BindingTable] = {}
         try:
             for described in anew:
                 # With the old layout: it has all that the new shaders use, and the bound sets were made for it.
                 # Without the cache, which would keep every edit for ever.
                 spirv = _stages(described, new[described], self._constants)
                 handles[described] = self._build(described, spirv, old[described].layout)
+                if isinstance(described, RayDescription):
+                    tables[described] = BindingTable(self._device, described, handles[described])
         except BaseException:
+            for table in tables.values():
+                table.close()
             for handle in handles.values():
                 self._device.destroy("VkPipeline", handle)
             raise
         for described in anew:
             retire(partial(self._device.destroy, "VkPipeline", old[described].handle))
             old[described].handle = handles[described]
+            if described in tables:
+                retire(old[described].table.close)
+                old[described].table = tables[described]
         for described, built in old.items():
             built.code = new[described]
             built.group = group_of(_stages(described, new[described], self._constants)[0])
@@ -153,6 +167,8 @@ class Pipelines:
         if isinstance(described, ComputeDescription):
             return build_compute(self._device, described, spirv[0], _specialization(spirv[0]), layout, cache)
         special = [_specialization(stage) for stage in spirv]
+        if isinstance(described, RayDescription):
+            return build_rays(self._device, described, spirv, special, layout, cache)
         modules = [
             self._device.create(
                 "vkCreateShaderModule",
@@ -256,6 +272,8 @@ class Pipelines:
         """Free every pipeline and layout."""
         for built in self._built.values():
             self._device.destroy("VkPipeline", built.handle)
+            if built.table is not None:
+                built.table.close()
         self.layouts.close()
 
 

@@ -37,7 +37,14 @@ class Part:
     size: int
 
 
-Held = Buffer | Part | Texture | Sequence[Texture]
+@dataclass(frozen=True)
+class Structure:
+    """An acceleration structure that rays are traced through."""
+
+    handle: Any
+
+
+Held = Buffer | Part | Structure | Texture | Sequence[Texture]
 """The content of a binding; several textures for an array of them."""
 
 
@@ -117,6 +124,11 @@ class Descriptors:
         if isinstance(content, Part):
             info = {"buffer": content.buffer.handle, "offset": content.offset, "range": content.size}
             return vk.new("VkWriteDescriptorSet", pBufferInfo=[info], **target)
+        if isinstance(content, Structure):
+            held = vk.new(
+                "VkWriteDescriptorSetAccelerationStructureKHR", pAccelerationStructures=[content.handle]
+            )
+            return vk.new("VkWriteDescriptorSet", pNext=held, **target)
         images = [
             {
                 "sampler": descriptor.sampler,

@@ -127,11 +127,10 @@ class Layouts:
     def stages(self, stages: int) -> int:
         """Return the stages to which the layouts of a pipeline with these stages are visible.
 
-        Draws and kernels share sets: a kernel reads the pages and textures that draws read, too.
+        Draws, kernels and rays share sets: a kernel and a ray read the pages and textures that draws read, too.
         """
-        if stages & _RAYS:
-            return _RAYS
-        return _DRAWS_OR_COMPUTES | (_MESH if self._device.has("mesh-shader") else 0)
+        offered = _DRAWS_OR_COMPUTES | (_MESH if self._device.has("mesh-shader") else 0)
+        return offered | (_RAYS if self._device.has("ray-tracing") else stages & _RAYS)
 
     def _set(self, bindings: tuple[Binding, ...], stages: int) -> SetLayout:
         runtime = any(binding.count == 0 for binding in bindings)

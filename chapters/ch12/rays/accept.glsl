@@ -4,7 +4,14 @@
 // hash of pixel, instance and triangle decides, so the answer depends on neither the order of candidates nor the way.
 
 #ifdef NON_OPAQUE
-uint accept_seed = 0u;  // of the pixel
+#include "rays/surface.glsl"
+#include "palette.glsl"
+
+#ifdef RAYS_PIPELINE
+#define RAY_ID gl_LaunchIDEXT
+#else
+#define RAY_ID gl_GlobalInvocationID
+#endif
 
 bool accept(Hit hit) {
     Instance instance = instance_of(hit.instance);
@@ -17,7 +24,7 @@ bool accept(Hit hit) {
     if ((flags & uint(MASKED_FLAG)) != 0u) {
         return alpha >= material.emissive.a;
     }
-    uint drawn = scrambled(scrambled(accept_seed ^ hit.instance) ^ hit.primitive);
+    uint drawn = scrambled(scrambled((RAY_ID.x | RAY_ID.y << 16) ^ hit.instance) ^ hit.primitive);
     return alpha > float(drawn >> 8) * (1.0 / 16777216.0);
 }
 #endif

@@ -1,93 +1,78 @@
-"""What is traced, by which way, and what the shaders of a ray pass are built with. No device."""
+"""What structures know of the instances of a scene: masks, flags, and the table from which records are written."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any, get_args
+from collections.abc import Mapping
 
-from backends.contract import Plan
-from common.errors import UserError
+import numpy as np
+from numpy.typing import NDArray
+
+from common.errors import SceneError
 from common.scene import Scene
 
-from ..scene.packing import ROLES, Variant
-from ..shading import deferred
-from ..shading.sky import Sky
-from ..shading.views import PICTURE, background
-from ..visibility.model import flag_defines
-from .settings import View
+SURFACES, BLENDED = 1, 2
+"""Bits of an instance's mask: ordinary surfaces, and those that let light through. A hidden instance has no bit."""
 
-Defines = tuple[tuple[str, int | float | str], ...]
+MOST_INSTANCES = 1 << 24
+"""A record has 24 bits for the number of its instance."""
 
-PIPELINE, QUERY, BVH = "pipeline", "query", "bvh"
-"""The ways that find the hits of rays."""
-
-FEATURES = {PIPELINE: "ray-tracing", QUERY: "ray-query"}
-"""The feature of a device that a way needs."""
-
-ORDINARY, BLENDED = 1, 2
-"""Bits of the mask of an instance: one with ordinary surfaces, and one with blended surfaces."""
+CULL_DISABLE, FORCE_OPAQUE, FORCE_NO_OPAQUE = 1, 4, 8
+"""Flags of a record (VkGeometryInstanceFlagBitsKHR). A triangle is seen from its front where its corners run
+counter-clockwise in right-handed object space, as in glTF. The flag TRIANGLE_FLIP_FACING has a second name with "front
+counter-clockwise" in it, which speaks of left-handed space."""
 
 
-def in_use(settings: Any) -> bool:
-    """Whether a part of the picture is traced; a view of a quantity is rasterised."""
-    return bool(settings.rays.rays != "off" and settings.shading.view == PICTURE)
-
-
-def first_column(settings: Any) -> float:
-    """Return the share of the picture's width that is left of the traced part."""
-    return float(settings.rays.ray_split) if settings.rays.rays == "beside" else 0.0
-
-
-def chosen_way(settings: Any, plan: Plan) -> str:
-    """Return the way that finds hits.
-
-    Raises UserError if the settings name a way that the device does not have.
-    """
-    wanted = str(settings.rays.ray_way)
-    if wanted == "auto":
-        return next((way for way, feature in FEATURES.items() if plan.native(feature)), BVH)
-    if wanted != BVH and not plan.native(FEATURES[wanted]):
-        raise UserError(
-            f"ray_way={wanted} needs {FEATURES[wanted]}, which this device does not have or --without switches off: "
-            f"set ray_way={BVH}, or auto."
+def check_count(count: int, most: int = MOST_INSTANCES) -> None:
+    """Raise SceneError for more instances than structures can have; `most` is a limit of the device."""
+    most = min(most, MOST_INSTANCES)
+    if count > most:
+        raise SceneError(
+            f"This scene has {count} instances, and rays of this device tell {most} apart: merge some of its meshes."
         )
-    return wanted
 
 
-def is_opaque(scene: Scene, materials: Sequence[int]) -> bool:
-    """Whether rays stop at every surface of these materials."""
-    return all(scene.materials[number].alpha_mode == "opaque" for number in materials)
+def opaque_materials(scene: Scene) -> NDArray[np.bool_]:
+    """Return (M,) whether no ray passes through surfaces of a material."""
+    return np.array([material.alpha_mode == "opaque" for material in scene.materials], bool)
 
 
-def variant_of_all(variants: Sequence[Variant]) -> Variant:
-    """Return the variant with all that any of `variants` needs."""
-    defines = sorted({define for variant in variants for define in variant.defines})
-    roles = tuple(role for role in ROLES if any(role in variant.roles for variant in variants))
-    kept = tuple(it for it in defines if it[0] not in ("ALPHA_MASK", "ALPHA_BLEND", "DOUBLE_SIDED"))
-    return replace(Variant(kept, "opaque", False, roles))
+def masks(scene: Scene) -> NDArray[np.uint32]:
+    """Return (I,) the mask of each instance."""
+    blended = np.array([material.alpha_mode == "blend" for material in scene.materials], bool)
+    of_instance = blended[scene.meshes["material"][scene.instances.mesh]]
+    return np.where(scene.instances.visible, np.where(of_instance, BLENDED, SURFACES), 0).astype(np.uint32)
 
 
-def picture_defines(scene: Scene, settings: Any, used: Sequence[int]) -> Defines:
-    """Return what picture.glsl is built with, besides the variant of its materials."""
-    knobs = settings.rays
-    sky: Defines = () if Sky.needed(scene, settings) else (
-        ("BACKGROUND", background(settings, settings.shading.background)),
-    )
-    return (
-        *flag_defines(),
-        *sky,
-        *((("TANGENTS_DERIVED", 1),) if settings.visibility.tangents == "derived" else ()),
-        *(() if is_opaque(scene, used) else (("NON_OPAQUE", 1),)),
-        *((("SHADOW_RAYS", 1),) if knobs.ray_shadows else ()),
-        ("BOUNCES", int(knobs.ray_bounces)),
-        ("MIRROR", float(knobs.ray_mirror)),
-        ("RAY_VIEW", get_args(View).index(knobs.ray_view)),
-        ("FIRST_COLUMN", first_column(settings)),
-        ("FORMAT", deferred_format(settings)),
-    )
+def instance_table(
+    scene: Scene, addresses: Mapping[int, int], order: NDArray[np.integer]
+) -> NDArray[np.uint32]:
+    """Return (I, 4) words in the order of the records: address (low, high), instance, mask and flags.
+
+    `addresses` has the structure of each mesh; an instance of a mesh without one is not hit by any ray.
+    """
+    of_mesh = np.zeros(len(scene.meshes), np.uint64)
+    for mesh, address in addresses.items():
+        of_mesh[mesh] = address
+    instances = scene.instances
+    opaque = opaque_materials(scene)[scene.meshes["material"][instances.mesh]]
+    flags = np.where(opaque, FORCE_OPAQUE, FORCE_NO_OPAQUE).astype(np.uint32) | CULL_DISABLE
+    address = of_mesh[instances.mesh]
+    table = np.zeros((len(instances), 4), np.uint32)
+    table[:, 0] = address & np.uint64(0xFFFFFFFF)
+    table[:, 1] = address >> np.uint64(32)
+    table[:, 2] = np.arange(len(instances))
+    table[:, 3] = masks(scene) | flags << np.uint32(8)
+    return table[order]
 
 
-def deferred_format(settings: Any) -> str:
-    """Return the format of the picture that the rays draw over."""
-    return str(settings.shading.color_format)
+def order_words(scene: Scene, orders: Mapping[int, NDArray[np.uint32]]) -> NDArray[np.uint32]:
+    """Return the words of `ray_order` (rays/world.glsl): for each instance where its list begins, then the lists.
+
+    `orders` has, by mesh, the numbers of its triangles in the order of its structure.
+    """
+    begins = np.zeros(len(scene.meshes), np.uint32)
+    end = len(scene.instances)
+    for mesh, order in orders.items():
+        begins[mesh] = end
+        end += len(order)
+    return np.concatenate([begins[scene.instances.mesh], *orders.values()]).astype(np.uint32)

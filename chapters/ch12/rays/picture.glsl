@@ -4,11 +4,13 @@
 // This text is one function of the number of a pixel. It is a raygen shader, a kernel with ray queries, or a kernel that
 // traverses our own BVH.
 
-#define COMPUTED
-#include "scene/scene.glsl"
+#include "rays/surface.glsl"
 #include "clusters/walk.glsl"
 #include "brdf.glsl"
 #include "finite.glsl"
+#if RAY_VIEW == 4
+#define STEPS
+#endif
 #include "palette.glsl"
 #include "environment.glsl"
 #include "camera_ray.glsl"
@@ -16,12 +18,6 @@
 #ifdef ENVIRONMENT
 #include "ibl.glsl"
 #endif
-#if defined(NORMAL_MAP) && defined(TANGENTS_DERIVED)
-#include "visibility/cotangent.glsl"
-#endif
-#include "rays/ray.glsl"
-#include "rays/surface.glsl"
-#include "rays/accept.glsl"
 #include "rays/trace.glsl"
 
 layout(BIND(3, TARGET_BINDING, 0), FORMAT) uniform writeonly image2D color_traced;
@@ -132,7 +128,7 @@ vec3 light_along(Ray ray) {
 vec3 shown_of(Ray ray) {
     Hit hit = trace(ray, 0xffu);
 #if RAY_VIEW == 4
-    return heat(float(ray_steps) * (1.0 / 128.0));
+    return heat(float(bvh_steps) * (1.0 / 128.0));
 #endif
     if (hit.instance == NO_HIT) {
         return vec3(0.0);
@@ -159,9 +155,6 @@ void run(uvec3 id) {
         frame.view_from_clip, frame.world_from_view, ndc, frame.orthographic != 0u, origin, direction
     );
     Ray ray = Ray(origin, 0.0, direction, FAR);
-#ifdef NON_OPAQUE
-    accept_seed = scrambled(uint(pixel.x) | uint(pixel.y) << 16);
-#endif
 #if RAY_VIEW == 0
     vec3 color = light_along(ray);
 #else

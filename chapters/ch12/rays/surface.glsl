@@ -2,9 +2,17 @@
 //
 // A ray has no neighbours from which the footprint of a texture would follow, so every map is sampled at its finest level.
 
+#ifndef COMPUTED
+#define COMPUTED
+#endif
+#include "rays/ray.glsl"
+#include "scene/scene.glsl"
 #include "scene/vertices.glsl"
 #include "shading/material.glsl"
 #include "transform.glsl"
+#if defined(NORMAL_MAP) && defined(TANGENTS_DERIVED)
+#include "visibility/cotangent.glsl"
+#endif
 
 struct Surface {
     vec3 position;     // relative to the origin of the scene

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 from backends.contract import FrameInfo, Pass, Technique
 from common.scene import Scene
@@ -11,8 +10,8 @@ from common.scene import Scene
 from ..frames.backend.backend import Backend
 from ..scene.pass_parts import PassParts
 from ..settings import Settings
-from . import model
-from .passes import BUFFERS, RayPicturePass
+from . import picture
+from .passes import RayPicturePass, Structures, StructuresPass
 
 
 class RayTechnique(Technique):
@@ -22,27 +21,31 @@ class RayTechnique(Technique):
 
     def __init__(self, scene: Scene, settings: Settings) -> None:
         super().__init__(scene, settings)
-        self._memory: Any = None
+        self._structures: Structures | None = None
 
     def create(self, parts: PassParts, backend: Backend, passes: Mapping[str, Pass]) -> None:
-        """Make the pass, and the structures if it is in use."""
-        picture = RayPicturePass(parts)
-        self.passes = {picture.name: picture}
-        if not model.in_use(parts.settings):
+        """Make the passes, and the structures if they are in use."""
+        build, trace = StructuresPass(parts), RayPicturePass(parts)
+        self.passes = {build.name: build, trace.name: trace}
+        if not picture.in_use(parts.settings):
             return
-        picture.way = model.chosen_way(parts.settings, backend.plan)
-        part = backend.part(__package__)
-        self._memory = part.RayMemory(backend, parts)
-        picture.bind = self._memory.bind
-        picture.read_structures(self._memory.sizes)
-        for resources in backend.copies.also:
-            resources |= dict(zip(BUFFERS, self._memory.buffers, strict=True))
+        way = picture.chosen_way(parts.settings, backend.plan)
+        package = f"{__package__}.bvh" if way == picture.BVH else __package__
+        self._structures = structures = backend.part(package).open_structures(backend, parts)
+        for gpu_pass in (build, trace):
+            gpu_pass.structures = structures
+            gpu_pass.follow(way, structures.sizes)
 
     def prepare(self, frame: FrameInfo) -> int:
-        """Follow instances that moved; return the bytes written."""
-        return 0
+        """Let the structures follow what has moved; return the bytes written."""
+        if self._structures is None:
+            return 0
+        cloth = any(gpu_pass.name == "cloth" and not gpu_pass.resting for gpu_pass in frame.passes)
+        written = self._structures.prepare(frame.slot, frame.pose, cloth)
+        self.work = dict(self._structures.work)
+        return written
 
     def close(self) -> None:
         """Free the structures."""
-        if self._memory is not None:
-            self._memory.close()
+        if self._structures is not None:
+            self._structures.close()

@@ -52,6 +52,15 @@ _READ_BEFORE = (
 )
 """The frame before reads a slot's vertices as its previous ones, and may still do so."""
 
+RAY_INPUT = (
+    vk.VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR
+    | vk.VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT
+)
+"""The usage of vertices that acceleration structures are built from."""
+
+RAY_READ = vk.VK_ACCESS_2_SHADER_READ_BIT
+"""How the builds read them."""
+
 FRAME, PAGE, TEXTURES = 0, 1, 2
 """Numbers of the sets: what a frame reads, a page of geometry, the textures (scene, vertices and textures.glsl)."""
 
@@ -86,6 +95,7 @@ class VulkanSceneData(SceneData):
         loading: Loading,
     ) -> None:
         self._device, self._resources, self._descriptors = device, resources, descriptors
+        self._traced = device.has("ray-tracing") or device.has("ray-query")
         limits = int(device.limits.maxImageDimension2D), int(device.limits.maxStorageBufferRange)
         super().__init__(scene, settings, anisotropy, limits, loading)
         mended = views.mends_texels(settings)
@@ -129,6 +139,8 @@ class VulkanSceneData(SceneData):
         # Deforming vertices are written for one frame while the GPU still draws the other: one copy per slot.
         copies = SLOTS if scene.deformations else 1
         index = vk.VK_BUFFER_USAGE_INDEX_BUFFER_BIT
+        if self._traced:
+            index |= RAY_INPUT
         self._geometry = [
             [
                 self._resources.buffer(
@@ -344,6 +356,8 @@ class VulkanSceneData(SceneData):
             vk.VK_PIPELINE_STAGE_2_ALL_GRAPHICS_BIT | vk.VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT,
             vk.VK_ACCESS_2_SHADER_STORAGE_READ_BIT | vk.VK_ACCESS_2_INDEX_READ_BIT,
         )
+        if self._traced:  # acceleration structures are refitted to them
+            read = read[0] | vk.VK_PIPELINE_STAGE_2_ACCELERATION_STRUCTURE_BUILD_BIT_KHR, read[1] | RAY_READ
         fn.vkCmdPipelineBarrier2(commands, barriers(memory=(*write, *read)))
         held.written["deformed"] = key
         return end

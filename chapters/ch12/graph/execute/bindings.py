@@ -7,6 +7,7 @@ through bindings: binding i is the i-th bound access, reads first.
     storage of an image           an image that is loaded and stored
     storage, uniform of a buffer  a block
     indirect, copy                no binding: no shader accesses them
+    structure, build              no binding: the owner of acceleration structures binds them
     storage of OWNED bytes        no binding: the owner of the memory binds it
 """
 

@@ -19,7 +19,12 @@ _USES: dict[str, tuple[str, str, str, str, str]] = {
     "uniform": ("", "vertex fragment", "compute", "uniform", ""),
     "rate": ("rate", "rate", "", "rate_read", ""),
     "indirect": ("", "indirect", "indirect", "indirect", ""),
+    "structure": ("", "", "compute", "structure_read", "structure_write"),
+    "build": ("", "", "build", "build_input", ""),
 }
+
+_RAY_STAGES = frozenset({"rgen", "rmiss", "rchit", "rahit", "rint", "rcall"})
+"""The shader stages of a ray pipeline, which are one stage of the GPU's pipeline: "rays"."""
 
 
 def touch_of(access: Access, kind: str, writes: bool, buffer: bool = False) -> Touch:
@@ -29,6 +34,7 @@ def touch_of(access: Access, kind: str, writes: bool, buffer: bool = False) -> T
     """
     layout, drawing, computing, reading, writing = _USES[access.use]
     stages = access.stages or (drawing if kind == "graphics" else computing).split()
+    stages = ["rays" if stage in _RAY_STAGES else stage for stage in stages]
     if not stages or (writes and not writing) or (access.use == "color" and not writes):
         does = "writes" if writes else "reads"
         raise GraphError(f"'{access.resource}': a pass that is {kind} {does} nothing as '{access.use}'.")

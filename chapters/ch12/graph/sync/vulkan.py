@@ -27,6 +27,8 @@ STAGES: dict[str, int] = {
     "rate": vk.VK_PIPELINE_STAGE_2_FRAGMENT_SHADING_RATE_ATTACHMENT_BIT_KHR,
     "copy": vk.VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT,
     "host": vk.VK_PIPELINE_STAGE_2_HOST_BIT,
+    "build": vk.VK_PIPELINE_STAGE_2_ACCELERATION_STRUCTURE_BUILD_BIT_KHR,
+    "rays": vk.VK_PIPELINE_STAGE_2_RAY_TRACING_SHADER_BIT_KHR,
 }
 
 ACCESS: dict[str, int] = {
@@ -43,6 +45,9 @@ ACCESS: dict[str, int] = {
     "copy_read": vk.VK_ACCESS_2_TRANSFER_READ_BIT,
     "copy_write": vk.VK_ACCESS_2_TRANSFER_WRITE_BIT,
     "host_read": vk.VK_ACCESS_2_HOST_READ_BIT,
+    "build_input": vk.VK_ACCESS_2_SHADER_READ_BIT,
+    "structure_read": vk.VK_ACCESS_2_ACCELERATION_STRUCTURE_READ_BIT_KHR,
+    "structure_write": vk.VK_ACCESS_2_ACCELERATION_STRUCTURE_WRITE_BIT_KHR,
 }
 
 _LAYOUTS: dict[str, int] = {

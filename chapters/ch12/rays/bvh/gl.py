@@ -14,10 +14,10 @@ from ...pipelines.description import Built
 from .memory import BvhMemory
 
 
-class RayMemory(BvhMemory):
+class Memory(BvhMemory):
     """Buffers that this object owns."""
 
-    def bind(self, commands: Commands, pipeline: Built, scene: SceneBinding, page: Any, textures: Any) -> None:
+    def bind_pass(self, commands: Commands, pipeline: Built, scene: SceneBinding, page: Any, textures: Any) -> None:
         """Bind a kernel, a page and a set of textures; the scene is bound for the whole frame."""
         commands.bind_compute(pipeline, scene)
         bind_buffer(self._backend.device, "storage", PAGE_BINDING, page[0])
@@ -31,6 +31,9 @@ class RayMemory(BvhMemory):
 
     def close(self) -> None:
         """Free everything."""
-        for buffer in self.buffers:
+        for buffer in self.buffers.values():
             destroy_buffer(self._backend.device, buffer)
-        self.buffers = []
+        self.buffers = {}
+
+
+open_structures = Memory

@@ -2,51 +2,66 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from common.scene import Pose, Scene
+from common.scene import Change, Pose, Scene
 from common.scene.pose import evaluate_pose
 
 from ...frames.commands import Commands, SceneBinding
 from ...pipelines.description import Built
 from ...scene.pass_parts import PassParts
-from .. import model
+from ..model import masks, opaque_materials
+from ..passes import BUFFERS
 from . import pack
 from .model import NON_OPAQUE
 
 
 class BvhMemory:
-    """Nodes, triangles and instances. The buffers have the order of `passes.BUFFERS`."""
-
-    buffers: Sequence[Any]
+    """Nodes, triangles and instances of a scene, one buffer each."""
 
     def __init__(self, backend: Any, parts: PassParts) -> None:
         self._backend, self._scene, self._data = backend, parts.scene, parts.data
-        scene = parts.scene
-        self._trees = [_tree_of(scene, mesh) for mesh in range(len(scene.meshes))]
-        packed = self._pack(evaluate_pose(scene, 0.0))
-        self.sizes = [part.nbytes for part in packed]
-        self.buffers = [
-            self._create(part, f"rays {name}") for part, name in zip(packed, ("nodes", "triangles", "instances"), strict=True)
-        ]
+        self._trees = [_tree_of(parts.scene, mesh) for mesh in range(len(parts.scene.meshes))]
+        content = self._packed(evaluate_pose(parts.scene, 0.0))
+        self.sizes: Mapping[str, int] = {name: part.nbytes for name, part in content.items()}
+        self.buffers = {name: self._create(part, name) for name, part in content.items()}
+        for resources in backend.copies.also:
+            resources |= self.buffers
+        self.work: dict[str, int] = {"ray_structure_bytes": sum(self.sizes.values())}
 
-    def _pack(self, pose: Pose) -> list[np.ndarray]:
+    def _packed(self, pose: Pose) -> dict[str, np.ndarray]:
+        """Return the content of the buffers as bytes, by name."""
         scene = self._scene
-        materials = scene.meshes["material"][scene.instances.mesh]
-        modes = np.array([material.alpha_mode for material in scene.materials])[materials] if len(materials) else materials
         matrices = np.array(pose.world_from_object, np.float64)
         matrices[:, :3, 3] -= scene.origin
-        mask = np.where(modes == "blend", model.BLENDED, model.ORDINARY) * scene.instances.visible
+        opaque = opaque_materials(scene)[scene.meshes["material"][scene.instances.mesh]]
         packed = pack.buffers(
-            self._trees, matrices, scene.instances.mesh, mask, flags=np.where(modes == "opaque", 0, NON_OPAQUE)
+            self._trees, matrices, scene.instances.mesh, masks(scene), flags=np.where(opaque, 0, NON_OPAQUE)
         )
-        return [np.ascontiguousarray(part).view(np.uint8).reshape(-1) for part in (packed.nodes, packed.triangles, packed.instances)]
+        parts = (packed.nodes, packed.triangles, packed.instances)
+        return {
+            name: np.ascontiguousarray(part).view(np.uint8).reshape(-1)
+            for name, part in zip(BUFFERS, parts, strict=True)
+        }
 
-    def bind(self, commands: Commands, pipeline: Built, scene: SceneBinding, page: Any, textures: Any) -> None:
-        """Bind a kernel with a scene's binding, a page, and a set of textures or None."""
+    def prepare(self, slot: int, pose: Pose, deformed: bool = False) -> int:
+        """Find out what a frame builds; return the bytes written."""
+        return 0
+
+    def key(self) -> Any:
+        """Return what the recording of `record` depends on."""
+        return None
+
+    def record(self, commands: Commands, slot: int) -> None:
+        """Record what the frame builds."""
+
+    def bind_pass(
+        self, commands: Any, pipeline: Built, scene: SceneBinding, page: Any, textures: Any
+    ) -> None:
+        """Bind a pass that traces: a scene's binding, a page, and a set of textures or None."""
         raise NotImplementedError
 
     def _create(self, content: np.ndarray, name: str) -> Any:

@@ -23,10 +23,10 @@ _STORED = (
 )
 
 
-class RayMemory(BvhMemory):
+class Memory(BvhMemory):
     """Buffers of the renderer's resources, which free them."""
 
-    def bind(self, commands: Commands, pipeline: Built, scene: SceneBinding, page: Any, textures: Any) -> None:
+    def bind_pass(self, commands: Commands, pipeline: Built, scene: SceneBinding, page: Any, textures: Any) -> None:
         """Bind a kernel, the scene, a page and a set of textures."""
         commands.bind_compute(pipeline, scene)
         commands.bind_compute_set(pipeline, PAGE, page[0])
@@ -39,3 +39,6 @@ class RayMemory(BvhMemory):
         with Uploader(self._backend.device) as uploader:
             uploader.buffer(buffer, content)
         return buffer
+
+
+open_structures = Memory
