@@ -5,7 +5,8 @@
     passes     record the passes of the graph, in its order (graph/*.json): light_lists, shadows, what culling needs;
                deferred: gbuffer, or visibility and visibility_resolve; ssao; lighting
                forward:  one pass of that name, and resolve with several samples a pixel
-               and behind either: transparent, or the passes of layers -> color_hdr, depth; motion and taa
+               and behind either: transparent, or the passes of layers -> color_hdr, depth; rays over a part of
+               it -> color_traced; motion and taa
                -> history_color; three passes of a lens, exposure and bloom -> color_bloomed; motion_blur and sharpen
                -> color_focused; tonemap, and fxaa -> color; instance_id and motion, if requested
     copy       copy the requested outputs to the CPU
@@ -44,6 +45,7 @@ from .hdr.technique import HdrTechnique
 from .motion.technique import MotionTechnique
 from .rates.native import settled
 from .rates.technique import RateTechnique
+from .rays.technique import RayTechnique
 from .scene.pass_parts import PassParts
 from .scene.scene_draws import SceneDrawLists
 from .shading.views import shown_exposure
@@ -66,6 +68,7 @@ class Renderer(GraphStream):
         VisibilityTechnique,
         ShadowTechnique,
         RateTechnique,
+        RayTechnique,
         MotionTechnique,
         TaaTechnique,
     )

@@ -23,6 +23,7 @@ from .hdr.settings import HdrSettings
 from .loading.settings import LoadingSettings
 from .post.settings import PostSettings
 from .rates.settings import RateSettings
+from .rays.settings import RaySettings
 from .scene.settings import SceneSettings
 from .shading.settings import ShadingSettings
 from .shadows.settings import ShadowSettings
@@ -159,6 +160,7 @@ class Settings(Grouped):
         "fog_spatial fog_temporal fog_share fog_dither fog_half fog_half_tolerance "
         "taa taa_share taa_average taa_velocity taa_history taa_filter taa_constraint taa_gamma taa_weight taa_ycocg "
         "taa_tolerance taa_reactive taa_format taa_scale jitter jitter_period mip_bias steady_uv "
+        "rays ray_split ray_way ray_view ray_shadows ray_mirror ray_bounces "
         "skip_unused"
     )
 
@@ -181,3 +183,4 @@ class Settings(Grouped):
     rates: RateSettings = group(RateSettings)
     fog: FogSettings = group(FogSettings)
     taa: TaaSettings = group(TaaSettings)
+    rays: RaySettings = group(RaySettings)

@@ -1,4 +1,5 @@
-// `trace` and `occluded`, by the way that the defines choose: a ray pipeline, ray queries, or our own hierarchy.
+// Hit trace(Ray, mask) and bool occluded(Ray, mask), by the way that the defines choose: a ray pipeline, ray queries, or our
+// own hierarchy.
 
 #include "rays/ray.glsl"
 #ifdef RAYS_PIPELINE

@@ -27,12 +27,15 @@ from common.errors import SceneError
 from common.scene import Change, Pose, Scene
 
 from ..frames.backend.vulkan import VulkanBackend
+from ..frames.commands import SceneBinding
 from ..frames.frame import SLOTS
 from ..frames.vulkan_commands import Commands
 from ..pipelines.compute_description import ComputeDescription
 from ..pipelines.description import Built
 from ..pipelines.vulkan_descriptors import Held, Sets, Structure
 from ..scene.pages import mesh_records
+from ..scene.pass_parts import PassParts
+from ..scene.vulkan_data import PAGE, TEXTURES
 from .bvh.morton import order as morton_order
 from .model import check_count, instance_table, order_words
 from .triangles import build_order, mesh_triangles
@@ -43,6 +46,8 @@ RECORDS = ComputeDescription("rays/vulkan_records.comp", name="ray records")
 
 SORT_EVERY = 64
 """Moved frames until instances are put into Morton order again: the software driver's hierarchy follows their order."""
+
+STRUCTURES_SET = 4
 
 _STORAGE = vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | vk.VK_BUFFER_USAGE_TRANSFER_DST_BIT
 
@@ -266,9 +271,29 @@ class RayStructures:
 
         return free
 
+    @property
+    def sizes(self) -> dict[str, int]:
+        """The buffers of the frame graph: none, for builds own what they write."""
+        return {}
+
+    def bind_pass(self, commands: Commands, pipeline: Built, scene: SceneBinding, page: Any, textures: Any) -> None:
+        """Bind a pass that traces: the scene, a page, a set of textures or None, and the structures."""
+        if self._traced[0] != [pipeline]:
+            self.make_sets([pipeline], STRUCTURES_SET)
+        commands.bind_compute(pipeline, scene)
+        commands.bind_compute_set(pipeline, PAGE, page[0])
+        if textures is not None:
+            commands.bind_compute_set(pipeline, TEXTURES, textures)
+        self.bind(commands, pipeline)
+
     def close(self) -> None:
         """Free everything; no frame is in flight."""
         for sets in {id(sets): sets for sets, _ in self._trace_sets.values()}.values():
             self._descriptors.destroy(sets)
         self._trace_sets = {}
         self._taken()()
+
+
+def open_structures(backend: VulkanBackend, parts: PassParts) -> RayStructures:
+    """Return the structures of the scene that is drawn."""
+    return RayStructures(backend, parts.scene)

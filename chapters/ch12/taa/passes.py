@@ -40,7 +40,7 @@ class TaaPass(Pass):
     def __init__(self, parts: PassParts) -> None:
         self._settings, self._pipelines, self._draws = parts.settings, parts.pipelines, parts.draws
         format = parts.settings.taa.taa_format
-        self.writes = (Access(HISTORY, "storage", format=format, instead="color_hdr"),)
+        self.writes = (Access(HISTORY, "storage", format=format, instead="color_traced"),)
         if model.scale(parts.settings) < 1.0:
             self.reads = (*self.reads, Access(WEIGHTS, "sampled", previous=True))
             self.writes = (*self.writes, Access(WEIGHTS, "storage", format="r32f"))

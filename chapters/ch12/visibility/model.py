@@ -28,7 +28,7 @@ FORMAT = "rg32ui"
 
 INDEX_CODE = "INDEX_CODE"
 
-UNLIT, DOUBLE_SIDED = 32, 64
+UNLIT, DOUBLE_SIDED, MASKED, BLENDED = 32, 64, 128, 256
 """Bits of a material's flags; the lower five are the roles that have a texture."""
 
 BACK = 1 << 31
@@ -71,14 +71,16 @@ def index_defines(settings: Any) -> tuple[tuple[str, int], ...]:
 
 def flag_defines() -> tuple[tuple[str, int | str], ...]:
     """Return the bits that shaders read and write."""
-    return ("UNLIT_FLAG", UNLIT), ("DOUBLE_SIDED_FLAG", DOUBLE_SIDED), ("BACK", f"{BACK}u")
+    bits = ("UNLIT_FLAG", UNLIT), ("DOUBLE_SIDED_FLAG", DOUBLE_SIDED), ("BACK", f"{BACK}u")
+    return (*bits, ("MASKED_FLAG", MASKED), ("BLENDED_FLAG", BLENDED))
 
 
 def material_flags(material: Material, roles: Sequence[str]) -> int:
     """Return what the shader that resolves all materials asks of one: a bit for each of `roles` with a texture, UNLIT,
-    DOUBLE_SIDED.
+    DOUBLE_SIDED, and MASKED or BLENDED.
 
     The forward shader is built for one kind of material, and knows these from its defines.
     """
     sampled = sum(1 << roles.index(role) for role in material.textures())
-    return sampled | UNLIT * material.unlit | DOUBLE_SIDED * material.double_sided
+    flags = sampled | UNLIT * material.unlit | DOUBLE_SIDED * material.double_sided
+    return flags | {"mask": MASKED, "blend": BLENDED}.get(material.alpha_mode, 0)

@@ -1,0 +1,92 @@
+"""What is traced, by which way, and what the shaders of a ray pass are built with. No device."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, get_args
+
+from backends.contract import Plan
+from common.errors import UserError
+from common.scene import Scene
+
+from ..scene.packing import ROLES, Variant
+from ..shading.sky import Sky
+from ..shading.views import PICTURE, background
+from ..visibility.model import flag_defines
+from .bvh.model import CONSTANTS
+from .model import opaque_materials
+from .settings import View
+
+Defines = tuple[tuple[str, int | float | str], ...]
+
+PIPELINE, QUERY, BVH = "pipeline", "query", "bvh"
+"""The ways that find the hits of rays."""
+
+DEFINES: dict[str, Defines] = {
+    PIPELINE: (("RAYS_PIPELINE", 1), ("RAYS_SET", 4), ("RAYS_BINDING", 0)),
+    QUERY: (("RAYS_QUERY", 1), ("RAYS_SET", 4), ("RAYS_BINDING", 0)),
+    BVH: (
+        *CONSTANTS.items(),
+        ("BVH_NODES_AT", "BIND(3, 0, 5)"),
+        ("BVH_TRIANGLES_AT", "BIND(3, 1, 6)"),
+        ("BVH_INSTANCES_AT", "BIND(3, 2, 7)"),
+    ),
+}
+"""The defines of a way: where its structures are bound."""
+
+FEATURES = {PIPELINE: "ray-tracing", QUERY: "ray-query"}
+"""The feature of a device that a way needs."""
+
+
+def in_use(settings: Any) -> bool:
+    """Whether a part of the picture is traced; a view of a quantity is rasterised."""
+    return bool(settings.rays.rays != "off" and settings.shading.view == PICTURE)
+
+
+def first_column(settings: Any) -> float:
+    """Return the share of the picture's width that is left of the traced part."""
+    return float(settings.rays.ray_split) if settings.rays.rays == "beside" else 0.0
+
+
+def chosen_way(settings: Any, plan: Plan) -> str:
+    """Return the way that finds hits.
+
+    Raises UserError if the settings name a way that the device does not have.
+    """
+    wanted = str(settings.rays.ray_way)
+    if wanted == "auto":
+        return next((way for way, feature in FEATURES.items() if plan.native(feature)), BVH)
+    if wanted != BVH and not plan.native(FEATURES[wanted]):
+        raise UserError(
+            f"ray_way={wanted} needs {FEATURES[wanted]}, which this device does not have or --without switches off: "
+            f"set ray_way={BVH}, or auto."
+        )
+    return wanted
+
+
+def variant_of_all(variants: Sequence[Variant]) -> Variant:
+    """Return the variant with all that any of `variants` needs."""
+    defines = sorted({define for variant in variants for define in variant.defines})
+    roles = tuple(role for role in ROLES if any(role in variant.roles for variant in variants))
+    kept = tuple(it for it in defines if it[0] not in ("ALPHA_MASK", "ALPHA_BLEND", "DOUBLE_SIDED"))
+    return Variant(kept, "opaque", False, roles)
+
+
+def picture_defines(scene: Scene, settings: Any, used: Sequence[int]) -> Defines:
+    """Return what picture.glsl is built with, besides the variant of its materials."""
+    knobs = settings.rays
+    sky: Defines = () if Sky.needed(scene, settings) else (
+        ("BACKGROUND", background(settings, settings.shading.background)),
+    )
+    return (
+        *flag_defines(),
+        *sky,
+        *((("TANGENTS_DERIVED", 1),) if settings.visibility.tangents == "derived" else ()),
+        *(() if opaque_materials(scene)[list(used)].all() else (("NON_OPAQUE", 1),)),
+        *((("SHADOW_RAYS", 1),) if knobs.ray_shadows else ()),
+        ("BOUNCES", int(knobs.ray_bounces)),
+        ("MIRROR", float(knobs.ray_mirror)),
+        ("RAY_VIEW", get_args(View).index(knobs.ray_view)),
+        ("FIRST_COLUMN", first_column(settings)),
+        ("FORMAT", settings.shading.color_format),
+    )
