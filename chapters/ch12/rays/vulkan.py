@@ -276,7 +276,9 @@ class RayStructures:
         """The buffers of the frame graph: none, for builds own what they write."""
         return {}
 
-    def bind_pass(self, commands: Commands, pipeline: Built, scene: SceneBinding, page: Any, textures: Any) -> None:
+    def bind_pass(
+        self, commands: Commands, pipeline: Built, scene: SceneBinding, page: Any, textures: Any
+    ) -> None:
         """Bind a pass that traces: the scene, a page, a set of textures or None, and the structures."""
         if self._traced[0] != [pipeline]:
             self.make_sets([pipeline], STRUCTURES_SET)
