@@ -122,6 +122,8 @@ class RayStructures:
         self._addresses = {mesh: it.address for mesh, it in zip(orders, self._bottoms.all, strict=True)}
         self._top = TopLevel(self._device, len(scene.instances))
         self._make_kernel_sets()
+        self._counts = self._bottoms.counts | {"ray_instances": len(scene.instances)}
+        self._counts["ray_structure_bytes"] += self._top.bytes + self._orders.size + self._indices.size
 
     def _filled(self, array: NDArray[np.uint32], usage: int, name: str) -> Buffer:
         buffer = create_buffer(self._device, max(array.nbytes, 4), usage, "device", f"rays: {name}")
@@ -197,8 +199,8 @@ class RayStructures:
         `deformed` says that a pass of the frame moves vertices, as cloth does.
         """
         scene, data = self._scene, self._data
-        if self._pages != self._page_buffers():
-            self._make_anew()
+        if self._pages and data.page_buffer(slot, 0) is not self._pages[slot * len(data.pages)]:
+            self._make_anew()  # all pages are uploaded together
         moving = data.records.moving_key(pose)
         key = (moving, scene.revision[Change.VISIBILITY], scene.revision[Change.MATERIALS], self.revision)
         changed = key != self._seen
@@ -217,13 +219,10 @@ class RayStructures:
         if self._written[slot] is not self._table:
             written = self._top.write_table(slot, self._table)
             self._written[slot] = self._table
-        self.work = {
-            **self._bottoms.counts,
+        self.work = self._counts | {
             "ray_refits": len(self._moving) * self.refits,
             "ray_top_builds": int(self.builds_top),
-            "ray_instances": len(scene.instances),
         }
-        self.work["ray_structure_bytes"] += self._top.bytes + self._orders.size + self._indices.size
         return written
 
     def key(self) -> Any:
