@@ -292,3 +292,25 @@ def test_too_many_instances_are_refused():
         model.check_count((1 << 24) + 1)
     with pytest.raises(SceneError, match="101 instances"):
         model.check_count(101, most=100)
+
+
+def test_structures_follow_geometry_that_is_uploaded_anew(chapter, way, tmp_path):
+    """A material that becomes another kind needs other streams: all pages are new, and so is the order of triangles."""
+    scene = soup_scene([soup(60, 22)], [(0, matrix) for matrix in placements()], (Material(unlit=True),))
+    with traces_of(chapter, ch12.__name__, scene, tmp_path) as traces:
+        pipeline = traces.pipeline(traces.description(way))
+        rays = random_rays(scene, 800, 23)
+        before, page = traces.trace(pipeline, *rays), traces.api.data.page_buffer(0, 0)
+        with scene.edit() as edit:
+            edit.set_material(0, Material())
+        traces.renderer.render(facing(), 0.0)
+        assert traces.api.data.page_buffer(0, 0) is not page
+        scene.indices[:] = scene.indices.reshape(-1, 3)[::-1].reshape(-1)  # as culling reorders them
+        traces.build(1)
+        assert traces.structures.revision == 1 and traces.structures.builds_top
+        traces.renderer.render(facing(), 0.0)
+        after = traces.trace(pipeline, *rays)
+        hit = before.instance >= 0
+        assert (after.t == before.t).all() and (after.primitive[hit] == 59 - before.primitive[hit]).all()
+        traces.build(0)
+        assert traces.structures.revision == 1 and not traces.structures.builds_top
