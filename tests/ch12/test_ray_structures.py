@@ -106,7 +106,9 @@ ACCEPT = "bool accept(Hit hit) { return hit.primitive % 2u == 0u && hit.at.x > 0
 def test_surfaces_that_are_not_opaque_are_asked(chapter, way, tmp_path):
     """Rays pass through what `accept` lets through, of instances that are not opaque alone."""
     meshes = [soup(60, 7), soup(60, 8)]
-    scene = soup_scene(meshes, [(0, np.eye(4)), (1, np.eye(4))], (Material(alpha_mode="mask"), Material()), (0, 1))
+    scene = soup_scene(
+        meshes, [(0, np.eye(4)), (1, np.eye(4))], (Material(alpha_mode="mask"), Material()), (0, 1)
+    )
     with traces_of(chapter, ch12.__name__, scene, tmp_path) as traces:
         pipeline = traces.pipeline(traces.description(way, ACCEPT))
         origins, directions = random_rays(scene, 1500, 9)
@@ -163,7 +165,9 @@ def test_a_refit_hits_what_a_new_build_hits(chapter, way, tmp_path, slot):
     with traces_of(chapter, ch12.__name__, new, tmp_path) as traces:
         again = traces.trace(traces.pipeline(traces.description(way)), origins, rays[1])
     sure = nearest(origins, rays[1], 0.0, 1e4, *world_triangles(new)).margin > SURE
-    assert (fitted.instance == again.instance)[sure].all() and (fitted.primitive == again.primitive)[sure].all()
+    assert (fitted.instance == again.instance)[sure].all() and (fitted.primitive == again.primitive)[
+        sure
+    ].all()
 
 
 def test_an_instance_that_moves_is_hit_where_it_is_and_a_still_frame_builds_nothing(chapter, way, tmp_path):
@@ -288,4 +292,3 @@ def test_too_many_instances_are_refused():
         model.check_count((1 << 24) + 1)
     with pytest.raises(SceneError, match="101 instances"):
         model.check_count(101, most=100)
-

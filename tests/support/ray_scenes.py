@@ -96,7 +96,8 @@ def world_triangles(scene: Scene) -> tuple[Float64, NDArray[np.int64]]:
         first, vertex = int(row["first_index"]), int(row["first_vertex"])
         indices = scene.indices[first : first + int(row["index_count"])].reshape(-1, 3)
         corners = scene.positions[vertex + indices].astype(np.float64)
-        world = corners @ matrix[:3, :3].T + matrix[:3, 3] - scene.origin
+        with np.errstate(invalid="ignore"):
+            world = corners @ matrix[:3, :3].T + matrix[:3, 3] - scene.origin
         kept = np.isfinite(world).all(axis=(1, 2))
         mirrored = int(np.linalg.det(matrix[:3, :3]) < 0)
         own = np.stack([np.full(len(world), number), np.arange(len(world)), np.full(len(world), mirrored)], 1)

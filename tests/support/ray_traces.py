@@ -79,11 +79,15 @@ def write_shaders(folder: Path, way: str, accept: str = "") -> Path:
     body = f'#include "rays/{way}.glsl"\n{RUN}'
     if accept and way == "query":
         body = f'#include "rays/ray.glsl"\n{accept}\n{body}'
-    head, id_ = ("layout(local_size_x = 64) in;\n", "gl_GlobalInvocationID") if way == "query" else ("", "gl_LaunchIDEXT")
+    head, id_ = (
+        ("layout(local_size_x = 64) in;\n", "gl_GlobalInvocationID")
+        if way == "query"
+        else ("", "gl_LaunchIDEXT")
+    )
     file = folder / ("run.comp" if way == "query" else "run.rgen")
     file.write_text(f"{head}{body}\nvoid main() {{ run({id_}); }}\n")
     if accept:
-        asked = f"#define RAYS_ATTRIBUTES 1\n#include \"rays/payload.glsl\"\n{accept}\n"
+        asked = f'#define RAYS_ATTRIBUTES 1\n#include "rays/payload.glsl"\n{accept}\n'
         asked += "void main() { if (!accept(found())) { ignoreIntersectionEXT; } }\n"
         (folder / "asked.rahit").write_text(asked)
     return file

@@ -27,9 +27,16 @@ class Hits:
 
 
 def nearest(
-    origins: Float64, directions: Float64, t_min: float, t_max: float, triangles: Float64, ids: NDArray[np.int64]
+    origins: Float64,
+    directions: Float64,
+    t_min: float,
+    t_max: float,
+    triangles: Float64,
+    ids: NDArray[np.int64],
 ) -> Hits:
-    """Return what rays (N, 3) hit of `triangles` (T, 3, 3) in world space; `ids` (T, 3) are instance, primitive, mirrored.
+    """Return what rays (N, 3) hit of `triangles` (T, 3, 3) in world space.
+
+    `ids` (T, 3) are the instance, the number in its mesh, and whether it is mirrored.
 
     By Möller and Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection" (1997). A triangle is seen from its back
     where its corners run clockwise in object space, so a mirrored one where they run counter-clockwise in the world.

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from common.errors import ShaderError
 
 RECURSION = 1
-"""Rays that may be under way at once: the shaders of hits trace no rays, and the limit of every device is at least 1."""
+"""Rays that may be under way at once: shaders of hits trace none, and the limit of every device is at least 1."""
 
 
 @dataclass(frozen=True)

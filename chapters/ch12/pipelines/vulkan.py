@@ -97,12 +97,10 @@ class Pipelines:
             signature = merge(spirv, described.dynamic)
             layout, sets = self.layouts.pipeline(signature)
             push_stages = self.layouts.stages(signature.stages) if signature.push else 0
-            handle = self._build(described, spirv, layout, self._cache)
+            handle, table = self._with_table(described, spirv, layout, self._cache)
             self._built[described] = Built(
-                described, handle, stages, layout, sets, push_stages, group_of(spirv[0])
+                described, handle, stages, layout, sets, push_stages, group_of(spirv[0]), table
             )
-            if isinstance(described, RayDescription):
-                self._built[described].table = BindingTable(self._device, described, handle)
         return [self._built[described] for described in descriptions]
 
     def _compile(self, descriptions: Sequence[Described], keep: bool = True) -> list[Stages]:
@@ -130,36 +128,42 @@ class Pipelines:
         for described, stages in new.items():
             check_fit(old[described].code, stages, changed)
         anew = [described for described in old if new[described].codes != old[described].code.codes]
-        handles: dict[Described, Any] = {}
-        tables: dict[Described, BindingTable] = {}
+        handles: dict[Described, tuple[Any, BindingTable | None]] = {}
         try:
             for described in anew:
                 # With the old layout: it has all that the new shaders use, and the bound sets were made for it.
                 # Without the cache, which would keep every edit for ever.
                 spirv = _stages(described, new[described], self._constants)
-                handles[described] = self._build(described, spirv, old[described].layout)
-                if isinstance(described, RayDescription):
-                    tables[described] = BindingTable(self._device, described, handles[described])
+                handles[described] = self._with_table(described, spirv, old[described].layout)
         except BaseException:
-            for table in tables.values():
-                table.close()
-            for handle in handles.values():
-                self._device.destroy("VkPipeline", handle)
+            for handle, table in handles.values():
+                self._free(handle, table)
             raise
         for described in anew:
-            retire(partial(self._device.destroy, "VkPipeline", old[described].handle))
-            old[described].handle = handles[described]
-            if described in tables:
-                retire(old[described].table.close)
-                old[described].table = tables[described]
+            retire(partial(self._free, old[described].handle, old[described].table))
+            old[described].handle, old[described].table = handles[described]
         for described, built in old.items():
             built.code = new[described]
             built.group = group_of(_stages(described, new[described], self._constants)[0])
         return tuple(described.title for described in anew)
 
+    def _with_table(
+        self, described: Described, spirv: Sequence[Stage], layout: Any, cache: PipelineCache | None = None
+    ) -> tuple[Any, BindingTable | None]:
+        """Return a pipeline, and the shader binding table of one that traces rays."""
+        if isinstance(described, RayDescription):
+            special = [_specialization(stage) for stage in spirv]
+            return build_rays(self._device, described, spirv, special, layout, cache)
+        return self._build(described, spirv, layout, cache), None
+
+    def _free(self, handle: Any, table: BindingTable | None) -> None:
+        self._device.destroy("VkPipeline", handle)
+        if table is not None:
+            table.close()
+
     def _build(
         self,
-        described: Described,
+        described: PipelineDescription | ComputeDescription,
         spirv: Sequence[Stage],
         layout: Any,
         cache: PipelineCache | None = None,
@@ -167,8 +171,6 @@ class Pipelines:
         if isinstance(described, ComputeDescription):
             return build_compute(self._device, described, spirv[0], _specialization(spirv[0]), layout, cache)
         special = [_specialization(stage) for stage in spirv]
-        if isinstance(described, RayDescription):
-            return build_rays(self._device, described, spirv, special, layout, cache)
         modules = [
             self._device.create(
                 "vkCreateShaderModule",
@@ -271,9 +273,7 @@ class Pipelines:
     def close(self) -> None:
         """Free every pipeline and layout."""
         for built in self._built.values():
-            self._device.destroy("VkPipeline", built.handle)
-            if built.table is not None:
-                built.table.close()
+            self._free(built.handle, built.table)
         self.layouts.close()
 
 

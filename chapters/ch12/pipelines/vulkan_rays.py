@@ -99,11 +99,16 @@ def _up(size: int, alignment: int) -> int:
 
 
 class BindingTable:
-    """The shader binding table of a pipeline: a buffer, and the four regions that a trace gets."""
+    """The shader binding table of a pipeline: a buffer, and the four regions that a trace gets.
 
-    def __init__(self, device: Device, described: RayDescription, pipeline: Any) -> None:
+    It keeps the `libraries` of a linked pipeline: a driver may take the code of its groups from there.
+    """
+
+    def __init__(
+        self, device: Device, described: RayDescription, pipeline: Any, libraries: Sequence[Any] = ()
+    ) -> None:
         self._device, self.limits = device, RayLimits.of(device)
-        limits = self.limits
+        limits, self._libraries = self.limits, libraries
         counts = (1, len(described.miss), len(described.hits), len(described.callables))
         self.handles = group_handles(device, pipeline, sum(counts), limits.handle_size)
         """(groups, handle size) uint8, in the order of the table."""
@@ -124,9 +129,7 @@ class BindingTable:
 
     def _filled(self, size: int, counts: Sequence[int], name: str) -> Buffer:
         self._counts = counts
-        usage = (
-            vk.VK_BUFFER_USAGE_SHADER_BINDING_TABLE_BIT_KHR | vk.VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT
-        )
+        usage = vk.VK_BUFFER_USAGE_SHADER_BINDING_TABLE_BIT_KHR | vk.VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT
         size += self.limits.base_alignment
         return create_buffer(self._device, size, usage, "upload", f"binding table of {name}")
 
@@ -140,8 +143,10 @@ class BindingTable:
             first += count
 
     def close(self) -> None:
-        """Free the buffer; no frame in flight uses it."""
+        """Free the buffer and the libraries; no frame in flight uses them."""
         destroy_buffer(self._device, self._buffer)
+        for library in self._libraries:
+            self._device.destroy("VkPipeline", library)
 
 
 def group_handles(device: Device, pipeline: Any, count: int, size: int) -> np.ndarray:
@@ -169,6 +174,16 @@ def groups_of(described: RayDescription) -> list[str | HitGroup]:
     return [described.raygen, *described.miss, *described.hits, *described.callables]
 
 
+def links(device: Device, stages: Sequence[Stage]) -> bool:
+    """Whether a device links these stages from libraries; without, the pipeline is built as one.
+
+    Some drivers give a linked pipeline no push constants.
+    """
+    if LIBRARY not in device.extensions:
+        return False
+    return device.capabilities.use("ray-tracing", "libraries") or not any(it.module.push for it in stages)
+
+
 def build_rays(
     device: Device,
     described: RayDescription,
@@ -176,8 +191,8 @@ def build_rays(
     special: Sequence[Any],
     layout: Any,
     cache: PipelineCache | None,
-) -> Any:
-    """Return the VkPipeline of `stages`, those of `described.shaders` in their order.
+) -> tuple[Any, BindingTable]:
+    """Return the VkPipeline of `stages`, those of `described.shaders` in their order, and its table.
 
     `special` are their VkSpecializationInfo, or None. Raises UnsupportedError on a device without ray pipelines, and
     ShaderError for a recursion that it does not have.
@@ -186,6 +201,7 @@ def build_rays(
         raise UnsupportedError(_MISSING)
     described.check(RayLimits.of(device).deepest)
     modules: list[Any] = []
+    created: list[Any] = []  # with `linked` first the library of each group
     try:
         for file, stage in zip(described.shaders, stages, strict=True):
             info = vk.new("VkShaderModuleCreateInfo", codeSize=len(stage.code), pCode=stage.code)
@@ -200,26 +216,20 @@ def build_rays(
             )
             for file, stage, module, values in zip(described.shaders, stages, modules, special, strict=True)
         }
-        if described.linked and LIBRARY in device.extensions:
-            return _linked(device, described, infos, layout, cache)
-        return _create(device, described, groups_of(described), infos, layout, cache)
+        if described.linked and links(device, stages):
+            for group in groups_of(described):
+                created.append(_create(device, described, [group], infos, layout, cache, library=True))
+            created.append(_create(device, described, [], {}, layout, cache, created))
+        else:
+            created.append(_create(device, described, groups_of(described), infos, layout, cache))
+        return created[-1], BindingTable(device, described, created[-1], created[:-1])
+    except BaseException:
+        for pipeline in created:
+            device.destroy("VkPipeline", pipeline)
+        raise
     finally:
         for module in modules:
             device.destroy("VkShaderModule", module)
-
-
-def _linked(
-    device: Device, described: RayDescription, infos: dict[str, Any], layout: Any, cache: PipelineCache | None
-) -> Any:
-    """Return a pipeline that is linked from one library for each group; the libraries are not needed afterwards."""
-    libraries: list[Any] = []
-    try:
-        for group in groups_of(described):
-            libraries.append(_create(device, described, [group], infos, layout, cache, library=True))
-        return _create(device, described, [], {}, layout, cache, libraries)
-    finally:
-        for library in libraries:
-            device.destroy("VkPipeline", library)
 
 
 def _create(

@@ -39,7 +39,7 @@ from ..scene.vulkan_data import PAGE, TEXTURES
 from .bvh.morton import order as morton_order
 from .model import check_count, instance_table, order_words
 from .triangles import build_order, mesh_triangles
-from .vulkan_build import INPUT, Bottoms, Budget, MeshGeometry, StructureLimits
+from .vulkan_build import DEFAULT, INPUT, Bottoms, Budget, MeshGeometry, StructureLimits
 from .vulkan_top import TopLevel, Waits
 
 RECORDS = ComputeDescription("rays/vulkan_records.comp", name="ray records")
@@ -55,7 +55,7 @@ _STORAGE = vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | vk.VK_BUFFER_USAGE_TRANSFER_D
 class RayStructures:
     """The structures of a scene, from opening to closing. `work` has the counters of the last frame."""
 
-    def __init__(self, backend: VulkanBackend, scene: Scene, budget: Budget = Budget()) -> None:
+    def __init__(self, backend: VulkanBackend, scene: Scene, budget: Budget = DEFAULT) -> None:
         self._device, self._data = backend.device, backend.data
         self._resources, self._descriptors = backend.resources, backend.descriptors
         self._scene, self._budget, self._limits = scene, budget, StructureLimits.of(backend.device)
@@ -119,11 +119,11 @@ class RayStructures:
         ]
         self._bottoms = Bottoms(self._device, geometries, self._budget)
         self._moving = [mesh for mesh in orders if mesh in self._deforming]
-        self._addresses = {
-            mesh: it.address for mesh, it in zip(orders, self._bottoms.all, strict=True)
-        }
+        self._addresses = {mesh: it.address for mesh, it in zip(orders, self._bottoms.all, strict=True)}
         self._top = TopLevel(self._device, len(scene.instances))
         self._make_kernel_sets()
+        self._counts = self._bottoms.counts | {"ray_instances": len(scene.instances)}
+        self._counts["ray_structure_bytes"] += self._top.bytes + self._orders.size + self._indices.size
 
     def _filled(self, array: NDArray[np.uint32], usage: int, name: str) -> Buffer:
         buffer = create_buffer(self._device, max(array.nbytes, 4), usage, "device", f"rays: {name}")
@@ -199,8 +199,8 @@ class RayStructures:
         `deformed` says that a pass of the frame moves vertices, as cloth does.
         """
         scene, data = self._scene, self._data
-        if self._pages != self._page_buffers():
-            self._make_anew()
+        if self._pages and data.page_buffer(slot, 0) is not self._pages[slot * len(data.pages)]:
+            self._make_anew()  # all pages are uploaded together
         moving = data.records.moving_key(pose)
         key = (moving, scene.revision[Change.VISIBILITY], scene.revision[Change.MATERIALS], self.revision)
         changed = key != self._seen
@@ -219,13 +219,10 @@ class RayStructures:
         if self._written[slot] is not self._table:
             written = self._top.write_table(slot, self._table)
             self._written[slot] = self._table
-        self.work = {
-            **self._bottoms.counts,
+        self.work = self._counts | {
             "ray_refits": len(self._moving) * self.refits,
             "ray_top_builds": int(self.builds_top),
-            "ray_instances": len(scene.instances),
         }
-        self.work["ray_structure_bytes"] += self._top.bytes + self._orders.size + self._indices.size
         return written
 
     def key(self) -> Any:
@@ -278,7 +275,9 @@ class RayStructures:
         """The buffers of the frame graph: none, for builds own what they write."""
         return {}
 
-    def bind_pass(self, commands: Commands, pipeline: Built, scene: SceneBinding, page: Any, textures: Any) -> None:
+    def bind_pass(
+        self, commands: Commands, pipeline: Built, scene: SceneBinding, page: Any, textures: Any
+    ) -> None:
         """Bind a pass that traces: the scene, a page, a set of textures or None, and the structures."""
         if self._traced[0] != [pipeline]:
             self.make_sets([pipeline], STRUCTURES_SET)

@@ -1,9 +1,9 @@
 """Acceleration structures of meshes on Vulkan: built together, compacted, and refitted.
 
 A bottom-level structure (BLAS) holds the triangles of one mesh. The driver says how much memory a build takes: that of
-the structure, and *scratch* memory that only the build uses. One call builds many structures, and the GPU may build them
-at the same time, so each has scratch memory of its own. All of them together could take too much: they are built in
-batches, each within a budget.
+the structure, and *scratch* memory that only the build uses. One call builds many structures, and the GPU may build
+them at the same time, so each has scratch memory of its own. All of them together could take too much: they are built
+in batches, each within a budget.
 
 The size is an upper bound that the driver knows before the build. Afterwards a query tells the size that is really
 needed, and a copy in the mode COMPACT has just that. A structure that is refitted is not compacted: it is updated in
@@ -66,6 +66,9 @@ class Budget:
     triangles: int = 2_000_000
 
 
+DEFAULT = Budget()
+
+
 @dataclass(frozen=True)
 class StructureLimits:
     """The numbers of a device that structures depend on."""
@@ -126,6 +129,37 @@ class MeshGeometry:
 
 
 @dataclass(frozen=True)
+class BoxGeometry:
+    """Boxes, in which intersection shaders look for surfaces: the address of six floats each, low and high corners."""
+
+    boxes: int
+    count: int
+    name: str
+    refits: bool = False
+
+    def info(self, boxes: int | None = None) -> dict[str, Any]:
+        """Return the VkAccelerationStructureGeometryKHR, with other boxes if they are given."""
+        data = {
+            "sType": vk.VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_AABBS_DATA_KHR,
+            "data": {"deviceAddress": self.boxes if boxes is None else boxes},
+            "stride": 24,
+        }
+        return {
+            "sType": vk.VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR,
+            "geometryType": vk.VK_GEOMETRY_TYPE_AABBS_KHR,
+            "geometry": {"aabbs": data},
+        }
+
+    @property
+    def flags(self) -> int:
+        """The flags of its builds."""
+        return int(_FAST | (_UPDATES if self.refits else _COMPACTS))
+
+
+Geometry = MeshGeometry | BoxGeometry
+
+
+@dataclass(frozen=True)
 class Sizes:
     """What a structure takes, in bytes: itself, scratch memory of a build, and of an update."""
 
@@ -171,9 +205,7 @@ def create_structure(
 
 def record_builds(device: Device, commands: Any, infos: Sequence[Any], counts: Sequence[int]) -> None:
     """Record one call that builds several structures, which may run at the same time."""
-    ranges = [
-        vk.new("VkAccelerationStructureBuildRangeInfoKHR", primitiveCount=count) for count in counts
-    ]
+    ranges = [vk.new("VkAccelerationStructureBuildRangeInfoKHR", primitiveCount=count) for count in counts]
     pointers = vk.array("VkAccelerationStructureBuildRangeInfoKHR *", ranges)
     array = vk.array("VkAccelerationStructureBuildGeometryInfoKHR", infos)
     device.fn.vkCmdBuildAccelerationStructuresKHR(commands, len(infos), array, pointers)
@@ -231,7 +263,7 @@ def batches(sizes: Sequence[Sizes], counts: Sequence[int], budget: Budget) -> It
 class Bottom:
     """A structure of a mesh that was built: its handle, its address, and what it takes."""
 
-    geometry: MeshGeometry
+    geometry: Geometry
     handle: Any
     address: int
     size: int
@@ -242,9 +274,9 @@ class Bottom:
 
 
 class Bottoms:
-    """The structures of meshes, built when this object is created. `counts` says what was done, in `frame.work`'s way."""
+    """The structures of meshes, built when this object is created. `counts` has counters for `frame.work`."""
 
-    def __init__(self, device: Device, geometries: Sequence[MeshGeometry], budget: Budget = Budget()) -> None:
+    def __init__(self, device: Device, geometries: Sequence[Geometry], budget: Budget = DEFAULT) -> None:
         self._device = device
         self._buffers: list[Buffer] = []
         self.all: list[Bottom] = []
@@ -264,11 +296,9 @@ class Bottoms:
             self.close()
             raise
 
-    def _build(self, geometries: Sequence[MeshGeometry], budget: Budget, compacts: bool) -> list[Bottom]:
+    def _build(self, geometries: Sequence[Geometry], budget: Budget, compacts: bool) -> list[Bottom]:
         infos = [build_info(_BOTTOM, it.flags, it.info()) for it in geometries]
-        sizes = [
-            sizes_of(self._device, info, it.count) for info, it in zip(infos, geometries, strict=True)
-        ]
+        sizes = [sizes_of(self._device, info, it.count) for info, it in zip(infos, geometries, strict=True)]
         counts = [it.count for it in geometries]
         built: list[Bottom] = []
         for batch in batches(sizes, counts, budget):
@@ -282,7 +312,7 @@ class Bottoms:
         return built
 
     def _batch(
-        self, geometries: Sequence[MeshGeometry], infos: Sequence[Any], sizes: Sequence[Sizes], compacts: bool
+        self, geometries: Sequence[Geometry], infos: Sequence[Any], sizes: Sequence[Sizes], compacts: bool
     ) -> list[Bottom]:
         device, counts = self._device, [it.count for it in geometries]
         built = self._placed(geometries, [size.structure for size in sizes], "structures")
@@ -303,7 +333,7 @@ class Bottoms:
             scratch.close()
         return built
 
-    def _placed(self, geometries: Sequence[MeshGeometry], sizes: Sequence[int], name: str) -> list[Bottom]:
+    def _placed(self, geometries: Sequence[Geometry], sizes: Sequence[int], name: str) -> list[Bottom]:
         """Return structures of these sizes in one buffer, not built."""
         device = self._device
         offsets, end = places(sizes, PLACE)

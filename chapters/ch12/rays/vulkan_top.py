@@ -48,7 +48,9 @@ class TopLevel:
         self._scratch: Scratch | None = None
         try:
             storage = vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT
-            self.records = self._buffer(max(1, count) * RECORD_BYTES, storage | INPUT, "device", "records")
+            copied = vk.VK_BUFFER_USAGE_TRANSFER_DST_BIT
+            size = max(1, count) * RECORD_BYTES
+            self.records = self._buffer(size, storage | INPUT | copied, "device", "records")
             self.tables = [
                 self._buffer(max(1, count) * 16, storage, "upload", f"table of instances, slot {slot}")
                 for slot in range(SLOTS)
@@ -82,7 +84,9 @@ class TopLevel:
     @property
     def bytes(self) -> int:
         """Bytes of all its buffers."""
-        return sum(buffer.size for buffer in self._owned) + (self._scratch.buffer.size if self._scratch else 0)
+        return sum(buffer.size for buffer in self._owned) + (
+            self._scratch.buffer.size if self._scratch else 0
+        )
 
     def write_table(self, slot: int, table: NDArray[np.uint32]) -> int:
         """Write the table of a slot, which no frame in flight uses; return the bytes."""
