@@ -93,7 +93,7 @@ float exact_difference(float a, float b, float c, float d) {
         }
         bool less = high < 0 || (high == 0 && low < 0);
         magnitude = abs(float(high) * 16777216.0 + float(low));
-        magnitude = max(ldexp(magnitude, clamp(exponent_ab, -200, 60)), ldexp(1.0, -120));
+        magnitude = max(ldexp(magnitude, clamp(exponent_ab, -200, 78)), ldexp(1.0, -120));
         negative = less != ab_negative;
     }
     return negative ? -magnitude : magnitude;

@@ -24,16 +24,6 @@ layout(BIND(3, TARGET_BINDING, 0), FORMAT) uniform writeonly image2D color_trace
 
 const float FAR = 3.402823e38;
 
-// What a ray sees that hits nothing.
-vec3 sky_along(vec3 direction) {
-#ifdef BACKGROUND
-    return vec3(BACKGROUND);
-#else
-    vec3 d = turned_back(direction, frame.environment.yz);
-    return frame.environment.x * exposure() * textureLod(environment_radiance, d, 0.0).rgb;
-#endif
-}
-
 // The light of the scene's lights that a surface reflects towards `view`. A light behind another surface adds nothing.
 vec3 light_of_lights(Surface s, vec3 view, float alpha) {
     vec3 sum = vec3(0.0);
@@ -60,7 +50,7 @@ vec3 light_of_lights(Surface s, vec3 view, float alpha) {
     return sum;
 }
 
-// The light that leaves a surface, without what it mirrors; `mirrored` is the share of the mirrored light that it reflects.
+// The light that leaves a surface besides what it mirrors; `mirrored` is the share of the mirrored light that it reflects.
 vec3 light_without_mirror(Surface s, vec3 view, out vec3 mirrored) {
     mirrored = vec3(0.0);
     if (!s.lit) {
@@ -90,38 +80,43 @@ vec3 light_without_mirror(Surface s, vec3 view, out vec3 mirrored) {
     return color;
 }
 
-// The environment around the mirrored direction, blurred for the roughness of the surface; see ibl.glsl.
-vec3 blurred_environment(Surface s, vec3 reflected) {
-#ifdef ENVIRONMENT
-    vec3 d = turned_back(reflected, frame.environment.yz);
-    float level = s.roughness * frame.environment.w;
-    return frame.environment.x * exposure() * s.occlusion * textureLod(environment_radiance, d, level).rgb;
-#else
-    return vec3(0.0);
-#endif
-}
-
+// The light along a ray. A loop follows mirrored rays. It ends at the environment: behind everything, or around the
+// mirrored direction, blurred for the roughness of the surface (ibl.glsl). The lookup stands behind the loop, since a
+// software driver takes long to compile each one.
 vec3 light_along(Ray ray) {
     vec3 color = vec3(0.0), share = vec3(1.0);
+    float roughness = 0.0;
+    bool nothing = false;
     for (int bounce = 0;; ++bounce) {
         Hit hit = trace(ray, 0xffu);
-        if (hit.instance == NO_HIT) {
-            return color + share * sky_along(ray.direction);
+        nothing = hit.instance == NO_HIT;
+        if (nothing) {
+            break;
         }
         Surface s = surface_at(hit, ray.direction);
         vec3 view = -normalize(ray.direction), mirrored;
         color += share * light_without_mirror(s, view, mirrored);
-        if (!s.lit) {
-            return color;
-        }
         share *= mirrored;
-        vec3 reflected = reflect(-view, s.normal);
-        float before = dot(reflected, s.flat_normal);  // a normal map may mirror into the surface
-        if (bounce == BOUNCES || s.roughness > MIRROR || before <= 0.0) {
-            return color + share * blurred_environment(s, reflected);
+        ray = Ray(offset_from(s.position, s.flat_normal), 0.0, reflect(-view, s.normal), FAR);
+        bool away = dot(ray.direction, s.flat_normal) > 0.0;  // a normal map may mirror into the surface
+        if (bounce == BOUNCES || s.roughness > MIRROR || !away || share == vec3(0.0)) {
+            share *= s.occlusion;
+            roughness = s.roughness;
+            break;
         }
-        ray = Ray(offset_from(s.position, s.flat_normal), 0.0, reflected, FAR);
     }
+#ifdef BACKGROUND
+    if (nothing) {
+        return color + share * BACKGROUND;
+    }
+#endif
+#ifdef ENVIRONMENT
+    vec3 direction = turned_back(ray.direction, frame.environment.yz);
+    vec3 radiance = textureLod(environment_radiance, direction, roughness * frame.environment.w).rgb;
+    return color + share * frame.environment.x * exposure() * radiance;
+#else
+    return color;
+#endif
 }
 
 // What a view shows of the first hit, as colours between 0 and 1.

@@ -59,21 +59,27 @@ void find_uv(Mesh mesh, uvec3 v, vec2 at) {
 #endif
 }
 
-vec4 map_at_hit(Material material, int role, uint map, uint arrays) {
-    return sample_finest(map, arrays, image_uv(material, role, hit_uv[0], hit_uv[1]));
+vec4 map_at_hit(Material material, int role) {
+    uint map = material.maps[role >> 2][role & 3];
+    return sample_finest(map, ROLE_ARRAYS[role], image_uv(material, role, hit_uv[0], hit_uv[1]));
+}
+
+// All maps of a material, by role; white where it has none. One call in a loop is one copy of the code that samples: software
+// drivers take seconds to compile five.
+void find_maps(Material material, uint flags, out vec4 maps[5]) {
+    maps = vec4[5](vec4(1.0), vec4(1.0), vec4(0.5, 0.5, 1.0, 1.0), vec4(1.0), vec4(1.0));
+    for (uint left = flags & 31u; left != 0u; left &= left - 1u) {
+        int role = findLSB(left);
+        maps[role] = map_at_hit(material, role);
+    }
 }
 #endif
 
-// Base colour and alpha at a hit. `find_uv` comes first.
-vec4 base_of(Mesh mesh, Material material, uvec3 v, vec2 at) {
+// The colour of vertices times that of the material; without its map.
+vec4 tint_of(Mesh mesh, Material material, uvec3 v, vec2 at) {
     vec4 base = material.base_color;
 #ifdef VERTEX_COLOR
     base *= mixed4(mesh.streams[1].y, v, at);
-#endif
-#ifdef BASE_COLOR_MAP
-    if ((uint(material.uv_rows[1].w) & 1u) != 0u) {
-        base *= map_at_hit(material, 0, base_color_map);
-    }
 #endif
     return base;
 }
@@ -82,15 +88,19 @@ vec4 base_of(Mesh mesh, Material material, uvec3 v, vec2 at) {
 float alpha_of(Hit hit, Instance instance, Material material) {
     Mesh mesh = meshes[instance.mesh];
     uvec3 v = corners_of(mesh, hit.primitive);
-#ifdef TEXTURED
-    find_uv(mesh, v, hit.at);
+    vec4 base = tint_of(mesh, material, v, hit.at);
+#ifdef BASE_COLOR_MAP
+    if ((uint(material.uv_rows[1].w) & 1u) != 0u) {
+        find_uv(mesh, v, hit.at);
+        base *= map_at_hit(material, 0);
+    }
 #endif
-    return base_of(mesh, material, v, hit.at).a;
+    return base.a;
 }
 
 #ifdef NORMAL_MAP
-// The normal that a map of a triangle with these corners and coordinates turns `n` into; `n` where there is no tangent.
-vec3 mapped_normal(Instance instance, Mesh mesh, Material material, uvec3 v, vec2 at, vec3 n) {
+// The normal that the texel `map` of a triangle with these corners and coordinates turns `n` into; `n` where there is no tangent.
+vec3 mapped_normal(Instance instance, Mesh mesh, Material material, uvec3 v, vec2 at, vec3 n, vec3 map) {
 #ifdef TANGENTS_DERIVED
     uint stream = material.uv_rows[4].w > 0.5 ? mesh.streams[1].x : mesh.streams[0].w;
     vec3 a = transform_point(instance.world_from_object, fetch3(mesh.streams[0].x, v.x));
@@ -107,7 +117,7 @@ vec3 mapped_normal(Instance instance, Mesh mesh, Material material, uvec3 v, vec
     t *= t2 > 0.0 ? inversesqrt(t2) : 0.0;
     vec3 bitangent = cross(n, t) * ((instance.flags & INSTANCE_MIRRORED) != 0u ? -tangent.w : tangent.w);
 #endif
-    vec3 texel = map_at_hit(material, 2, normal_map).xyz * 2.0 - 1.0;
+    vec3 texel = map * 2.0 - 1.0;
     vec3 mapped = texel.x * material.factors.z * t + texel.y * material.factors.z * bitangent + texel.z * n;
     float m2 = t == vec3(0.0) ? 0.0 : dot(mapped, mapped);
     return m2 > 0.0 ? mapped * inversesqrt(m2) : n;
@@ -128,43 +138,31 @@ Surface surface_at(Hit hit, vec3 direction) {
     vec3 across = cross(b - a, c - a);
     across *= inversesqrt(max(dot(across, across), 1e-37));
     found.flat_normal = dot(across, direction) > 0.0 ? -across : across;
+    found.base_color = tint_of(mesh, material, v, hit.at).rgb;
 #ifdef TEXTURED
+    vec4 maps[5];
     find_uv(mesh, v, hit.at);
+    find_maps(material, flags, maps);
+    found.base_color *= maps[0].rgb;
+#else
+    const vec4 maps[5] = vec4[5](vec4(1.0), vec4(1.0), vec4(1.0), vec4(1.0), vec4(1.0));
 #endif
-    found.base_color = base_of(mesh, material, v, hit.at).rgb;
     found.lit = false;
     found.emission = found.base_color;
     found.normal = found.flat_normal;
-    found.metallic = material.factors.x;
-    found.roughness = material.factors.y;
-    found.occlusion = 1.0;
+    found.metallic = material.factors.x * maps[1].b;
+    found.roughness = material.factors.y * maps[1].g;
+    found.occlusion = 1.0 + material.factors.w * (maps[3].r - 1.0);
 #ifdef SHADED
     if ((flags & uint(UNLIT_FLAG)) == 0u) {
         found.lit = true;
-        found.emission = material.emissive.rgb * exposure();
-#ifdef METALLIC_ROUGHNESS_MAP
-        if ((flags & 2u) != 0u) {
-            vec4 factors = map_at_hit(material, 1, metallic_roughness_map);
-            found.roughness *= factors.g;
-            found.metallic *= factors.b;
-        }
-#endif
-#ifdef OCCLUSION_MAP
-        if ((flags & 8u) != 0u) {
-            found.occlusion += material.factors.w * (map_at_hit(material, 3, occlusion_map).r - 1.0);
-        }
-#endif
-#ifdef EMISSIVE_MAP
-        if ((flags & 16u) != 0u) {
-            found.emission *= map_at_hit(material, 4, emissive_map).rgb;
-        }
-#endif
+        found.emission = material.emissive.rgb * maps[4].rgb * exposure();
         vec3 n = transform_vector(instance.normal_from_object, mixed3(mesh.streams[0].y, v, hit.at));
         float n2 = dot(n, n);
         n = n2 > 0.0 ? n * inversesqrt(n2) : found.flat_normal;
 #ifdef NORMAL_MAP
         if ((flags & 4u) != 0u) {
-            n = mapped_normal(instance, mesh, material, v, hit.at, n);
+            n = mapped_normal(instance, mesh, material, v, hit.at, n, maps[2].xyz);
         }
 #endif
         bool behind = (hit.flags & HIT_BACK) != 0u;

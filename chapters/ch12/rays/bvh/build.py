@@ -18,6 +18,7 @@ Floats = NDArray[np.float32]
 Integers = NDArray[np.int64]
 
 BINS = 16
+AXES = (0, 1, 2)
 
 
 @dataclass
@@ -105,27 +106,14 @@ def build(low: Floats, high: Floats, largest: int = LEAF_LARGEST, bins: int = BI
     while len(first):
         nodes = len(first)
         begin = np.cumsum(count) - count  # in the arrays of this level
-        node = np.repeat(np.arange(nodes), count)
-        side = _sides(boxes, centres, begin, count, node, bins, largest, len(levels))
-        on_left = ~side
-        left = np.add.reduceat(on_left, begin, dtype=np.int64)
-        # A stable partition of every node's range: the rank among those of the same side, behind the side's begin.
-        rank = np.cumsum(on_left) - on_left
-        rank -= np.repeat(rank[begin], count)
-        place = np.where(on_left, rank, np.arange(len(node)) - rank + np.repeat(left, count))
-        place[side] = (np.arange(len(node)) - np.repeat(begin, count) - rank + np.repeat(left, count))[side]
-        place += np.repeat(begin, count)
-        source = np.empty_like(place)
-        source[place] = np.arange(len(place))
-        prims = prims[source]
-        boxes, centres = boxes[:, source], centres[:, source]
+        side = _sides(boxes, centres, begin, count, bins, largest, len(levels))
+        left, source = _partition(side, begin)
+        prims, boxes, centres = prims[source], _rows(boxes, source), _rows(centres, source)
 
         both = np.stack([left, count - left], axis=1).reshape(-1)
         starts = np.cumsum(both) - both
-        lows = np.minimum.reduceat(boxes[:3], starts, axis=1).T.reshape(nodes, 2, 3)
-        highs = np.maximum.reduceat(boxes[3:], starts, axis=1).T.reshape(nodes, 2, 3)
-        child_low.append(lows)
-        child_high.append(highs)
+        child_low.append(np.minimum.reduceat(boxes[:3], starts, axis=1).T.reshape(nodes, 2, 3))
+        child_high.append(np.maximum.reduceat(boxes[3:], starts, axis=1).T.reshape(nodes, 2, 3))
         firsts = np.stack([first, first + left], axis=1).reshape(-1)
         is_leaf = both <= largest
         codes = np.empty(2 * nodes, np.int64)
@@ -137,11 +125,12 @@ def build(low: Floats, high: Floats, largest: int = LEAF_LARGEST, bins: int = BI
         leaves_first.append(firsts[is_leaf])
         leaves_count.append(both[is_leaf])
 
-        done = np.repeat(is_leaf, both)
-        target = np.repeat(firsts - starts, both) + np.arange(len(prims))
-        order[target[done]] = prims[done]
-        rest = np.flatnonzero(~done)
-        prims, boxes, centres = prims[rest], boxes[:, rest], centres[:, rest]
+        if is_leaf.any():
+            done = np.repeat(is_leaf, both)
+            target = np.repeat(firsts - starts, both) + np.arange(len(prims))
+            order[target[done]] = prims[done]
+            rest = np.flatnonzero(~done)
+            prims, boxes, centres = prims[rest], _rows(boxes, rest), _rows(centres, rest)
         first, count = firsts[~is_leaf], both[~is_leaf]
     if not children:
         none = np.zeros(0, np.int64)
@@ -158,52 +147,64 @@ def build(low: Floats, high: Floats, largest: int = LEAF_LARGEST, bins: int = BI
     )
 
 
+def _rows(array: Floats, which: Integers) -> Floats:
+    """Return `array[:, which]`, row by row, which numpy does faster."""
+    rows = np.empty((len(array), len(which)), array.dtype)
+    for row, values in zip(rows, array, strict=True):
+        np.take(values, which, out=row, mode="clip")
+    return rows
+
+
+def _partition(side: NDArray[np.bool_], begin: Integers) -> tuple[Integers, Integers]:
+    """Return how many of each node's range go to the left, and the list (P,) that puts them before the others, stably."""
+    to_left, to_right = np.flatnonzero(~side), np.flatnonzero(side)
+    right = np.add.reduceat(side, begin, dtype=np.int64)
+    left = np.diff(begin, append=len(side)) - right
+    source = np.empty(len(side), np.int64)
+    source[np.arange(len(to_left)) + np.repeat(np.cumsum(right) - right, left)] = to_left
+    source[np.arange(len(to_right)) + np.repeat(np.cumsum(left), right)] = to_right
+    return left, source
+
+
 def _sides(
-    boxes: Floats,
-    centres: Floats,
-    begin: Integers,
-    count: Integers,
-    node: Integers,
-    bins: int,
-    largest: int,
-    level: int,
+    boxes: Floats, centres: Floats, begin: Integers, count: Integers, bins: int, largest: int, level: int
 ) -> NDArray[np.bool_]:
     """Return which primitives (P,) of a level go to the right child of their node."""
-    nodes = len(count)
+    nodes, total = len(count), len(centres[0])
     # Few primitives need few bins: at the last levels there are more nodes than this leaves primitives to each.
-    bins = bins if len(node) > 4 * bins * nodes else max(bins // 2, 4)
+    bins = bins if total > 4 * bins * nodes else max(bins // 2, 4)
+    lows = np.minimum.reduceat(centres, begin, axis=1)
+    sizes = np.maximum.reduceat(centres, begin, axis=1) - lows
+    with np.errstate(divide="ignore", over="ignore"):
+        scales = np.where(sizes > 0, np.float32(bins * 0.999999) / sizes, np.float32(0.0)).astype(np.float32)
+    scales[~np.isfinite(scales)] = 0.0
+    node = np.repeat(np.arange(nodes), count)
     best = np.full(nodes, np.inf, np.float32)
-    axis_of = np.zeros(nodes, np.int64)
-    bin_of = np.zeros(nodes, np.int64)
-    found = np.zeros((3, len(node)), np.int32)
-    for axis in range(3):
-        along = centres[axis]
-        low = np.minimum.reduceat(along, begin)
-        size = np.maximum.reduceat(along, begin) - low
-        with np.errstate(divide="ignore", over="ignore"):
-            scale = np.where(size > 0, np.float32(bins) / size, np.float32(0.0))
-        scale = np.where(np.isfinite(scale), scale, np.float32(0.0)).astype(np.float32)
-        own = ((along - low[node]) * scale[node]).astype(np.int32)
-        np.minimum(own, bins - 1, out=own)
-        found[axis] = own
-        key = own * nodes + node
+    axis_of, bin_of = np.zeros(nodes, np.int64), np.zeros(nodes, np.int64)
+    keys = []
+    for axis in AXES:
+        key = centres[axis] - np.repeat(lows[axis], count)
+        key *= np.repeat(scales[axis], count)
+        key = key.astype(np.int64)
+        key *= nodes
+        key += node
+        keys.append(key)
         counts = np.bincount(key, minlength=bins * nodes).reshape(bins, nodes)
-        lows = np.full((3, bins * nodes), np.inf, np.float32)
-        highs = np.full((3, bins * nodes), -np.inf, np.float32)
+        low = np.full((3, bins * nodes), np.inf, np.float32)
+        high = np.full((3, bins * nodes), -np.inf, np.float32)
         for part in range(3):
-            np.minimum.at(lows[part], key, boxes[part])
-            np.maximum.at(highs[part], key, boxes[3 + part])
-        shape = (3, bins, nodes)
-        cost = _sweep(lows.reshape(shape), highs.reshape(shape), counts)
+            np.minimum.at(low[part], key, boxes[part])
+            np.maximum.at(high[part], key, boxes[3 + part])
+        cost = _sweep(low.reshape(3, bins, nodes), high.reshape(3, bins, nodes), counts)
         at = cost.argmin(axis=0)
         least = cost[at, np.arange(nodes)]
         better = least < best
-        best, axis_of, bin_of = (
-            np.where(better, least, best),
-            np.where(better, axis, axis_of),
-            np.where(better, at, bin_of),
-        )
-    side: NDArray[np.bool_] = found[axis_of[node], np.arange(len(node))] > bin_of[node]
+        best[better], axis_of[better], bin_of[better] = least[better], axis, at[better]
+    side = np.zeros(total, bool)
+    for axis, key in enumerate(keys):
+        # Keys of later bins are larger than all of this bin.
+        last = np.where(axis_of == axis, (bin_of + 1) * nodes, bins * nodes)
+        side |= key >= np.repeat(last, count)
     # Halves reach leaves after this many levels; a node that has no more than those left must not be split unevenly.
     halvings = np.ceil(np.log2(np.maximum(count, largest) / largest))
     middle = np.isinf(best) | (halvings >= DEPTH_LARGEST - level)
