@@ -1,13 +1,13 @@
-"""Ray pipelines: the shader binding table, groups of every kind, libraries, edits of shaders, and what is refused."""
+"""Ray pipelines: groups of every kind and their table, libraries, payloads, edits of shaders, and what is refused."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from backends.contract import Access
 from backends.vulkan import api as vk
 from backends.vulkan.barriers import barriers
 from backends.vulkan.device import Device
@@ -17,19 +17,14 @@ from backends.vulkan.upload import Uploader
 from chapters import ch12
 from chapters.ch12.frames.dispatches import check_rays
 from chapters.ch12.frames.vulkan_commands import Commands
-from chapters.ch12.graph.frame_graph import compile_graph
-from chapters.ch12.graph.sync.states import touch_of
-from chapters.ch12.graph.sync.vulkan import ACCESS, STAGES
-from chapters.ch12.graph.types import External, Node, Touch
 from chapters.ch12.pipelines.ray_description import HitGroup, RayDescription
 from chapters.ch12.pipelines.vulkan import Pipelines
 from chapters.ch12.pipelines.vulkan_descriptors import Descriptors, Structure
-from chapters.ch12.pipelines.vulkan_rays import LIBRARY, RayLimits, table_layout
+from chapters.ch12.pipelines.vulkan_rays import LIBRARY, RayLimits
+from chapters.ch12.rays.groups import ray_description
 from chapters.ch12.rays.vulkan_build import INPUT, Bottoms, BoxGeometry
 from chapters.ch12.rays.vulkan_top import TopLevel
 from common.errors import ShaderError, UnsupportedError
-from tests.support.graph_truths import Truth, events_of, places_of
-from tests.support.hazards import find_hazards, is_safe
 from tests.support.ray_scenes import placements, random_rays, soup, soup_scene
 from tests.support.ray_traces import traces_of
 
@@ -41,33 +36,6 @@ def device(chapter):
     if not chapter.device.has("ray-tracing"):
         pytest.skip("this device has no ray-tracing")
     return chapter.device
-
-
-# --- the binding table, on paper --------------------------------------------------------------------------------------
-
-
-def limits(size, alignment, base):
-    return RayLimits(size, alignment, base, 1, 1 << 30, 4096)
-
-
-@pytest.mark.parametrize("numbers", [(32, 16, 32), (32, 32, 64), (32, 64, 64), (24, 8, 128), (16, 16, 16)])
-@pytest.mark.parametrize("counts", [(1, 0, 0, 0), (1, 2, 1, 0), (1, 1, 5, 3), (1, 0, 3, 1)])
-def test_regions_are_aligned_and_do_not_overlap(numbers, counts):
-    """The rules of vkCmdTraceRaysKHR: addresses, strides, and that of generation equal to its size."""
-    size, alignment, base = numbers
-    regions, end = table_layout(counts, limits(*numbers))
-    taken = set()
-    for number, (region, count) in enumerate(zip(regions, counts, strict=True)):
-        if not count:
-            assert (region.offset, region.stride, region.size) == (0, 0, 0)
-            continue
-        assert region.offset % base == 0 and region.stride % alignment == 0 and region.stride >= size
-        assert region.size == count * region.stride
-        if number == 0:
-            assert region.size == region.stride
-        own = set(range(region.offset, region.offset + region.size))
-        assert not own & taken and max(own) < end
-        taken |= own
 
 
 # --- groups -----------------------------------------------------------------------------------------------------------
@@ -146,12 +114,14 @@ def called(doubled=0):
     return np.where(x % 2 == doubled, 2 * data, data + 1000).ravel()
 
 
+@pytest.mark.feature("ray-tracing/callable-and-libraries")
 def test_callables_run_by_their_places_and_a_trace_covers_its_extent(runs, callables):
     pipeline = runs.pipelines.get([callables])[0]
     assert (runs.trace(pipeline, (6, 3, 2)) == called()).all()
     assert runs.commands.work["dispatches"] == 1
 
 
+@pytest.mark.feature("ray-tracing/shader-binding-table")
 def test_two_swapped_entries_of_the_table_swap_the_shaders(runs, callables):
     pipeline = runs.pipelines.get([callables])[0]
     handles = pipeline.table.handles
@@ -162,6 +132,7 @@ def test_two_swapped_entries_of_the_table_swap_the_shaders(runs, callables):
     assert (runs.trace(pipeline, (6, 3, 2)) == called()).all()
 
 
+@pytest.mark.feature("ray-tracing/shader-binding-table")
 def test_the_table_is_where_the_device_wants_it(runs, callables, device):
     table = runs.pipelines.get([callables])[0].table
     asked = vk.new("VkPhysicalDeviceRayTracingPipelinePropertiesKHR")
@@ -176,6 +147,7 @@ def test_the_table_is_where_the_device_wants_it(runs, callables, device):
     assert table.arguments[0].size == table.arguments[0].stride
 
 
+@pytest.mark.feature("ray-tracing/callable-and-libraries")
 @pytest.mark.parametrize("linked", [False, True])
 def test_libraries_give_what_one_pipeline_gives(runs, callables, device, linked):
     if linked and LIBRARY not in device.extensions:
@@ -193,6 +165,7 @@ def test_libraries_give_what_one_pipeline_gives(runs, callables, device, linked)
     assert (runs.trace(pipeline, (6, 3, 2)) == called()).all()
 
 
+@pytest.mark.feature("ray-tracing/callable-and-libraries")
 def test_a_linked_pipeline_traces_the_same_picture(chapter, device, tmp_path):
     """It has push constants: a driver that loses them, as a self-test has shown, gets one pipeline in the end."""
     scene = soup_scene([soup(50, 30)], [(0, matrix) for matrix in placements()])
@@ -243,6 +216,7 @@ void main() { payload = vec2(-2.0); }
 """
 
 
+@pytest.mark.feature("ray-tracing/any-hit-and-intersection")
 def test_intersection_shaders_find_spheres_in_boxes(runs, device, tmp_path):
     """The height at which vertical rays meet spheres of radius 1 around 0 and 3: sqrt(1 - (x - centre)^2)."""
     for name, text in (
@@ -311,6 +285,7 @@ def test_an_edited_shader_of_a_group_takes_effect_and_a_wrong_one_changes_nothin
 # --- what is refused --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.feature("ray-tracing/pipeline")
 def test_a_recursion_that_the_device_lacks_is_refused(runs, callables):
     deepest = RayLimits.of(runs.device).deepest
     for depth in (0, deepest + 1):
@@ -322,6 +297,7 @@ def test_a_recursion_that_the_device_lacks_is_refused(runs, callables):
     assert len(runs.pipelines) == 0
 
 
+@pytest.mark.feature("ray-tracing/trace-dispatch")
 def test_more_rays_than_a_device_traces_at_once_are_refused():
     check_rays((1000, 1000, 1), 1_000_000)
     with pytest.raises(
@@ -330,6 +306,7 @@ def test_more_rays_than_a_device_traces_at_once_are_refused():
         check_rays((1000, 1001, 1), 1_000_000)
 
 
+@pytest.mark.feature("ray-tracing/capability-gate")
 def test_a_device_without_ray_tracing_refuses_in_a_sentence(vulkan_instance, callables):
     with Device(vulkan_instance, without={"ray-tracing"}) as device:
         pipelines = Pipelines(device)
@@ -338,59 +315,96 @@ def test_a_device_without_ray_tracing_refuses_in_a_sentence(vulkan_instance, cal
         pipelines.close()
 
 
-# --- barriers ---------------------------------------------------------------------------------------------------------
+# --- the groups and payloads of the chapter's rays --------------------------------------------------------------------
+
+PAYLOADS = """
+#include "rays/pipeline.glsl"
+layout(BIND(0, 0, 0), std430) readonly buffer Jobs_ { vec4 unused[]; };
+layout(BIND(0, 1, 0), std430) writeonly buffer Hits_ { uvec4 hits[]; };
+struct Push { uvec4 count; };
+PUSH(Push, push)
+void main() {
+    uvec2 size = gl_LaunchSizeEXT.xy, id = gl_LaunchIDEXT.xy;
+    vec2 at = (vec2(id) + 0.5) / vec2(size) * 4.0 - 2.0;
+    Ray down = Ray(vec3(at, 5.0), 0.0, vec3(0.0, 0.0, -1.0), 100.0);
+    Ray up = Ray(vec3(at, 5.0), 0.0, vec3(0.0, 0.0, 1.0), 100.0);
+    trace(down, 0xFFu);
+    bool none = occluded(up, 0xFFu);
+    uvec4 first = uvec4(floatBitsToUint(ray_hit.t), ray_hit.instance, ray_hit.primitive, uint(none));
+    bool some = occluded(down, 0xFFu);
+    trace(up, 0xFFu);
+    uint place = 2u * (id.x + size.x * id.y);
+    hits[place] = first;
+    hits[place + 1u] = uvec4(uint(some), ray_blocked, ray_hit.instance, 1u);
+}
+"""
 
 
-@pytest.mark.parametrize("stage", ["rgen", "rmiss", "rchit", "rahit", "rint", "rcall"])
-def test_shaders_of_rays_wait_in_their_stage(stage):
-    rays = vk.VK_PIPELINE_STAGE_2_RAY_TRACING_SHADER_BIT_KHR
-    build = vk.VK_PIPELINE_STAGE_2_ACCELERATION_STRUCTURE_BUILD_BIT_KHR
-    touch = touch_of(Access("picture", "storage", stages=(stage,)), "compute", True)
-    assert {STAGES[it] for it in touch.stages} == {rays}
-    touch = touch_of(Access("world", "structure", stages=(stage,)), "compute", False, buffer=True)
-    assert {STAGES[it] for it in touch.stages} == {rays} and touch.layout == ""
-    assert {ACCESS[it] for it in touch.access} == {vk.VK_ACCESS_2_ACCELERATION_STRUCTURE_READ_BIT_KHR}
-    touch = touch_of(Access("world", "structure", stages=("build",)), "compute", True, buffer=True)
-    assert {STAGES[it] for it in touch.stages} == {build}
-    assert {ACCESS[it] for it in touch.access} == {vk.VK_ACCESS_2_ACCELERATION_STRUCTURE_WRITE_BIT_KHR}
-    touch = touch_of(Access("vertices", "build"), "compute", False, buffer=True)
-    assert {STAGES[it] for it in touch.stages} == {build}
-    assert {ACCESS[it] for it in touch.access} == {vk.VK_ACCESS_2_SHADER_READ_BIT}
+@pytest.mark.feature("ray-tracing/trace-dispatch")
+def test_an_image_of_rays_is_the_coverage_and_payloads_do_not_mix(chapter, device, tmp_path):
+    """A triangle with corners (-1, -1), (1, -1), (-1, 1) covers pixels with x > -1, y > -1 and x + y < 0."""
+    corners = np.array([(-1, -1, 1), (1, -1, 1), (-1, 1, 1)], np.float32)
+    scene = soup_scene([(corners, np.array([[0, 1, 2]], np.uint32))], [(0, np.eye(4))])
+    width, height = 24, 10
+    (tmp_path / "payloads.rgen").write_text(PAYLOADS)
+    with traces_of(chapter, ch12.__name__, scene, tmp_path) as traces:
+        described = replace(
+            traces.description("pipeline"), raygen=str(tmp_path / "payloads.rgen"), name="payloads"
+        )
+        pipeline = traces.pipeline(described)
+        words = traces.words(pipeline, np.zeros((width * height, 8), np.float32), (width, height))
+    x, y = np.meshgrid((np.arange(width) + 0.5) / width * 4 - 2, (np.arange(height) + 0.5) / height * 4 - 2)
+    x, y = x.ravel() + scene.origin[0], y.ravel() + scene.origin[1]
+    sure = np.abs(np.stack([x + 1, y + 1, x + y])).min(axis=0) > 1e-5
+    covered = (x > -1) & (y > -1) & (x + y < 0)
+    assert ((words[:, 1] == 0) == covered)[sure].all() and 10 < covered.sum() < width * height / 2
+    assert (words[~covered & sure, 1] == 0xFFFFFFFF).all()
+    distance = words[covered & sure, 0].copy().view(np.float32)
+    assert np.abs(distance - (5 + scene.origin[2] - 1)).max() < 1e-5
+    assert (words[:, 3] == 0).all()  # nothing is above, whatever the other payload has
+    assert (words[sure, 4] == covered[sure]).all() and (words[:, 5] == words[:, 4]).all()
+    assert (words[:, 6] == 0xFFFFFFFF).all()
 
 
-def test_a_frame_of_builds_and_traces_has_no_hazard_and_no_barrier_in_vain():
-    """Vertices from compute, a refit, two passes of rays through the result, a draw that samples what they wrote."""
-    traced = Touch("", frozenset({"rays", "compute"}), frozenset({"structure_read"}))
-    nodes = [
-        Node("cloth", writes=(Access("vertices", "storage", bytes=64),)),
-        Node(
-            "structures",
-            reads=(Access("vertices", "build"),),
-            writes=(Access("world", "structure", of="kept_world", stages=("build",), bytes=4),),
-        ),
-        Node(
-            "picture",
-            reads=(Access("world", "structure", stages=("rgen",)),),
-            writes=(Access("rays", "storage", "rgba16f", stages=("rgen",)),),
-        ),
-        Node(
-            "queried",
-            reads=(Access("world", "structure"), Access("rays", "sampled")),
-            writes=(Access("more", "storage", "rgba16f"),),
-        ),
-        Node(
-            "shown",
-            reads=(Access("rays", "sampled"), Access("more", "sampled")),
-            writes=(Access("color", "color", "rgba8"),),
-        ),
+@pytest.mark.feature("ray-tracing/pipeline")
+@pytest.mark.parametrize("asked", [False, True])
+def test_groups_are_one_of_generation_two_of_misses_and_one_of_hits(runs, device, tmp_path, asked):
+    (tmp_path / "start.rgen").write_text('#include "rays/pipeline.glsl"\nvoid main() {}\n')
+    any_hit = tmp_path / "any.rahit"
+    any_hit.write_text("#extension GL_EXT_ray_tracing : require\nvoid main() { ignoreIntersectionEXT; }\n")
+    described = ray_description(str(tmp_path / "start.rgen"), (("RAYS_SET", 1), ("RAYS_BINDING", 0)))
+    if asked:
+        described = replace(described, hits=(replace(described.hits[0], any=str(any_hit)),))
+    log = []
+    device.fn.trace(log)
+    try:
+        runs.pipelines.get([described])
+    finally:
+        device.fn.trace(None)
+    (created,) = [arguments[4][0] for name, arguments in log if name == "vkCreateRayTracingPipelinesKHR"]
+    stages = [created.pStages[place].stage for place in range(created.stageCount)]
+    groups = [created.pGroups[place] for place in range(created.groupCount)]
+    general = vk.VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR
+    triangles = vk.VK_RAY_TRACING_SHADER_GROUP_TYPE_TRIANGLES_HIT_GROUP_KHR
+    unused = vk.VK_SHADER_UNUSED_KHR
+    assert [group.type for group in groups] == [general, general, general, triangles]
+    assert [stages[group.generalShader] for group in groups[:3]] == [
+        vk.VK_SHADER_STAGE_RAYGEN_BIT_KHR,
+        vk.VK_SHADER_STAGE_MISS_BIT_KHR,
+        vk.VK_SHADER_STAGE_MISS_BIT_KHR,
     ]
-    externals = {"kept_world": External(None, None, traced, traced, bytes=4)}
-    graph = compile_graph(nodes, (8, 8), ["color"], externals)
-    truth = Truth(nodes, ["color"], externals)
-    places = places_of(graph)
-    assert not find_hazards(events_of(truth, graph), places)
-    listed = [
-        (number, place) for number, step in enumerate(graph.steps) for place in range(len(step.barriers))
-    ]
-    assert len(listed) >= 5
-    assert [one for one in listed if is_safe(events_of(truth, graph, skip=one), places)] == []
+    assert groups[1].generalShader != groups[2].generalShader
+    hits = groups[3]
+    assert stages[hits.closestHitShader] == vk.VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR
+    assert hits.generalShader == hits.intersectionShader == unused
+    if asked:
+        assert stages[hits.anyHitShader] == vk.VK_SHADER_STAGE_ANY_HIT_BIT_KHR
+    else:
+        assert hits.anyHitShader == unused
+    assert created.maxPipelineRayRecursionDepth == 1
+
+
+def test_a_pass_asks_surfaces_where_some_are_not_opaque():
+    plain = ray_description("rays/picture.rgen")
+    assert plain.hits[0].any == "" and dict(plain.defines)["RAYS_PIPELINE"] == 1
+    assert ray_description("rays/picture.rgen", (("NON_OPAQUE", 1),)).hits[0].any == "rays/hit.rahit"

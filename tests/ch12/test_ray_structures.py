@@ -56,6 +56,7 @@ def instanced():
     return soup_scene(meshes, [(number % 2, matrix) for number, matrix in enumerate(placements())])
 
 
+@pytest.mark.feature("acceleration/blas-build")
 def test_hits_are_those_of_every_triangle(chapter, way, tmp_path):
     scene = instanced()
     with traces_of(chapter, ch12.__name__, scene, tmp_path) as traces:
@@ -67,6 +68,7 @@ def test_hits_are_those_of_every_triangle(chapter, way, tmp_path):
         hold(traces.trace(pipeline, origins, directions, **ends), scene, origins, directions, **ends)
 
 
+@pytest.mark.feature("acceleration/tlas")
 def test_masks_choose_instances_and_hidden_ones_are_not_hit(chapter, way, tmp_path):
     meshes = [soup(50, 4), soup(50, 5)]
     glass = Material(alpha_mode="blend")
@@ -103,6 +105,7 @@ def test_masks_choose_instances_and_hidden_ones_are_not_hit(chapter, way, tmp_pa
 ACCEPT = "bool accept(Hit hit) { return hit.primitive % 2u == 0u && hit.at.x > 0.25; }"
 
 
+@pytest.mark.feature("ray-tracing/any-hit-and-intersection")
 def test_surfaces_that_are_not_opaque_are_asked(chapter, way, tmp_path):
     """Rays pass through what `accept` lets through, of instances that are not opaque alone."""
     meshes = [soup(60, 7), soup(60, 8)]
@@ -143,6 +146,7 @@ def write_vertices(traces, slot, corners):
         uploader.buffer(data_page, corners, offset)
 
 
+@pytest.mark.feature("acceleration/refit")
 @pytest.mark.parametrize("slot", [0, 1])
 def test_a_refit_hits_what_a_new_build_hits(chapter, way, tmp_path, slot):
     corners, indices = soup(120, 10)
@@ -170,6 +174,7 @@ def test_a_refit_hits_what_a_new_build_hits(chapter, way, tmp_path, slot):
     ].all()
 
 
+@pytest.mark.feature("acceleration/tlas")
 def test_an_instance_that_moves_is_hit_where_it_is_and_a_still_frame_builds_nothing(chapter, way, tmp_path):
     scene = instanced()
     with traces_of(chapter, ch12.__name__, scene, tmp_path) as traces:
@@ -211,6 +216,7 @@ def test_instances_are_sorted_again_after_many_moved_frames(chapter, tmp_path, m
         assert traces.structures._order.tolist() != list(range(8))
 
 
+@pytest.mark.feature("acceleration/compaction")
 def test_compaction_changes_no_hit_and_needs_no_more_memory(chapter, way, tmp_path, monkeypatch):
     scene = instanced()
     rays = random_rays(scene, 1000, 15)
@@ -233,6 +239,7 @@ def test_compaction_changes_no_hit_and_needs_no_more_memory(chapter, way, tmp_pa
     assert (again.t == compact.t).all() and (again.primitive == compact.primitive).all()
 
 
+@pytest.mark.feature("acceleration/parallel-builds")
 def test_builds_in_one_call_and_one_by_one_give_the_same(chapter, way, tmp_path):
     scene = soup_scene([soup(30, seed) for seed in range(6)], [(mesh, np.eye(4)) for mesh in range(6)])
     rays = random_rays(scene, 800, 16)
@@ -251,6 +258,7 @@ def test_builds_in_one_call_and_one_by_one_give_the_same(chapter, way, tmp_path)
         assert (other.primitive == traced["together"].primitive).all()
 
 
+@pytest.mark.feature("acceleration/parallel-builds")
 def test_the_lower_and_the_upper_level_are_built_in_one_submission(chapter, way, tmp_path):
     corners, indices = soup(60, 17)
     scene = soup_scene([(corners, indices)], [(0, np.eye(4))], deforms=(0,))
@@ -270,6 +278,7 @@ def test_an_empty_scene_is_missed(chapter, way, tmp_path):
         assert traces.structures.work["ray_structures"] == 0
 
 
+@pytest.mark.feature("acceleration/blas-build")
 def test_triangles_without_area_or_with_nan_are_left_out(chapter, way, tmp_path):
     corners, indices = soup(60, 20)
     corners[indices[3]] = corners[indices[3, 0]]  # a point
@@ -286,6 +295,7 @@ def test_triangles_without_area_or_with_nan_are_left_out(chapter, way, tmp_path)
         assert traces.structures.work["ray_structures"] == 1
 
 
+@pytest.mark.feature("acceleration/tlas")
 def test_too_many_instances_are_refused():
     model.check_count(1 << 24)
     with pytest.raises(SceneError, match="16777217 instances, and rays of this device tell 16777216 apart"):

@@ -143,12 +143,24 @@ class RayTraces:
     ) -> Traced:
         """Return what rays (N, 3) hit; with `build`, the slot, structures are built in the same submission."""
         count = len(origins)
-        jobs = np.zeros((max(count, 1), 8), np.float32)
-        jobs[:count, 0:3], jobs[:, 3], jobs[:count, 4:7], jobs[:, 7] = origins, t_min, directions, t_max
+        jobs = np.zeros((count, 8), np.float32)
+        jobs[:, 0:3], jobs[:, 3], jobs[:, 4:7], jobs[:, 7] = origins, t_min, directions, t_max
+        return Traced.of(self.words(pipeline, jobs, (count,), mask, build))
+
+    def words(
+        self,
+        pipeline: Any,
+        jobs: NDArray[np.float32],
+        extent: Sequence[int],
+        mask: int = 0xFF,
+        build: int | None = None,
+    ) -> NDArray[np.uint32]:
+        """Return the (N, 8) words that a trace over `extent` writes, from (N, 8) words of its input."""
+        count = len(jobs)
         usage = vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT
-        given = create_buffer(self.device, jobs.nbytes, usage, "upload", "rays of a test")
-        found = create_buffer(self.device, 32 * max(count, 1), usage, "readback", "hits of a test")
-        given.mapped[:] = jobs.view(np.uint8).reshape(-1)
+        given = create_buffer(self.device, max(jobs.nbytes, 4), usage, "upload", "rays of a test")
+        found = create_buffer(self.device, max(jobs.nbytes, 4), usage, "readback", "hits of a test")
+        given.view(np.float32)[: jobs.size] = jobs.reshape(-1)
         found.mapped[:] = 0xAB
         sets = self.api.descriptors.create([(pipeline.sets[0], {0: given, 1: found}, "test")])
         push = np.array([count, mask, 0, 0], np.uint32)
@@ -161,10 +173,10 @@ class RayTraces:
                 self.commands.bind_compute_set(pipeline, 0, vk.array("VkDescriptorSet", sets.handles))
                 self.structures.bind(self.commands, pipeline)
                 self.commands.push(pipeline, push)
-                self.commands.trace(pipeline, (count,))
+                self.commands.trace(pipeline, extent)
                 self.device.fn.vkCmdPipelineBarrier2(handle, barriers(memory=_RAYS_TO_HOST))
             self.device.memory.invalidate(found.allocation)
-            return Traced.of(found.view(np.uint32)[: 8 * count].reshape(-1, 8).copy())
+            return found.view(np.uint32)[: 8 * count].reshape(-1, 8).copy()
         finally:
             self.api.descriptors.destroy(sets)
             destroy_buffer(self.device, given)
