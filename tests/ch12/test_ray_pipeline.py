@@ -20,7 +20,7 @@ from chapters.ch12.frames.vulkan_commands import Commands
 from chapters.ch12.pipelines.ray_description import HitGroup, RayDescription
 from chapters.ch12.pipelines.vulkan import Pipelines
 from chapters.ch12.pipelines.vulkan_descriptors import Descriptors, Structure
-from chapters.ch12.pipelines.vulkan_rays import LIBRARY, RayLimits
+from chapters.ch12.pipelines.vulkan_rays import LIBRARY, RayLimits, links
 from chapters.ch12.rays.groups import ray_description
 from chapters.ch12.rays.vulkan_build import INPUT, Bottoms, BoxGeometry
 from chapters.ch12.rays.vulkan_top import TopLevel
@@ -127,7 +127,8 @@ def test_two_swapped_entries_of_the_table_swap_the_shaders(runs, callables):
     handles = pipeline.table.handles
     assert len({bytes(handle) for handle in handles}) == 3
     pipeline.table.write(handles[[0, 2, 1]])
-    assert (runs.trace(pipeline, (6, 3, 2)) == called(doubled=1)).all()
+    swapped = runs.trace(pipeline, (6, 3, 2))
+    assert (swapped == called(doubled=1)).all() and (swapped != called()).any()
     pipeline.table.write(handles)
     assert (runs.trace(pipeline, (6, 3, 2)) == called()).all()
 
@@ -163,6 +164,19 @@ def test_libraries_give_what_one_pipeline_gives(runs, callables, device, linked)
     libraries = [bool(one[4][0].flags & vk.VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) for one in made]
     assert libraries == ([True, True, True, False] if linked else [False])
     assert (runs.trace(pipeline, (6, 3, 2)) == called()).all()
+
+
+@pytest.mark.feature("ray-tracing/callable-and-libraries")
+def test_a_pipeline_is_not_linked_where_it_would_lose_its_push_constants():
+    def device(*extensions, works):
+        return SimpleNamespace(extensions=extensions, capabilities=SimpleNamespace(use=lambda *_: works))
+
+    plain, pushed = (SimpleNamespace(module=SimpleNamespace(push=push)) for push in (None, object()))
+    assert links(device(LIBRARY, works=True), [plain, pushed]) and links(
+        device(LIBRARY, works=False), [plain]
+    )
+    assert not links(device(LIBRARY, works=False), [plain, pushed])
+    assert not links(device(works=True), [plain])
 
 
 @pytest.mark.feature("ray-tracing/callable-and-libraries")
