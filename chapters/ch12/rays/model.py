@@ -56,10 +56,10 @@ def instance_table(
     instances = scene.instances
     opaque = opaque_materials(scene)[scene.meshes["material"][instances.mesh]]
     flags = np.where(opaque, FORCE_OPAQUE, FORCE_NO_OPAQUE).astype(np.uint32) | CULL_DISABLE
-    address = of_mesh[instances.mesh]
+    of_instance = of_mesh[instances.mesh]
     table = np.zeros((len(instances), 4), np.uint32)
-    table[:, 0] = address & np.uint64(0xFFFFFFFF)
-    table[:, 1] = address >> np.uint64(32)
+    table[:, 0] = of_instance & np.uint64(0xFFFFFFFF)
+    table[:, 1] = of_instance >> np.uint64(32)
     table[:, 2] = np.arange(len(instances))
     table[:, 3] = masks(scene) | flags << np.uint32(8)
     return table[order]
