@@ -14,7 +14,6 @@
 #include "palette.glsl"
 #include "environment.glsl"
 #include "camera_ray.glsl"
-#include "ray_offset.glsl"
 #ifdef ENVIRONMENT
 #include "ibl.glsl"
 #endif
@@ -29,7 +28,7 @@ vec3 light_of_lights(Surface s, vec3 view, float alpha) {
     vec3 sum = vec3(0.0);
     for (uint i = 0u; i < light_count.x; ++i) {
         vec3 to_light;
-        vec3 received = exposed_illuminance(i, s.position, to_light);
+        vec3 received = exposed_illuminance(i, s.at.position, to_light);
         if (max(received.r, max(received.g, received.b)) <= 0.0) {
             continue;
         }
@@ -38,8 +37,7 @@ vec3 light_of_lights(Surface s, vec3 view, float alpha) {
         if (reflected == vec3(0.0)) {
             continue;
         }
-        bool before = dot(to_light, s.flat_normal) > 0.0;
-        vec3 origin = offset_from(s.position, before ? s.flat_normal : -s.flat_normal);
+        vec3 origin = ray_origin(s.at, to_light);
         float far = lights[i].kind == LIGHT_DIRECTIONAL ? FAR : dot(lights[i].position - origin, to_light);
         if (occluded(Ray(origin, 0.0, to_light, far), 0xffu)) {
             continue;
@@ -97,8 +95,9 @@ vec3 light_along(Ray ray) {
         vec3 view = -normalize(ray.direction), mirrored;
         color += share * light_without_mirror(s, view, mirrored);
         share *= mirrored;
-        ray = Ray(offset_from(s.position, s.flat_normal), 0.0, reflect(-view, s.normal), FAR);
-        bool away = dot(ray.direction, s.flat_normal) > 0.0;  // a normal map may mirror into the surface
+        vec3 reflected = reflect(-view, s.normal);
+        ray = Ray(ray_origin(s.at, reflected), 0.0, reflected, FAR);
+        bool away = dot(reflected, s.flat_normal) > 0.0;  // a normal map may mirror into the surface
         if (bounce == BOUNCES || s.roughness > MIRROR || !away || share == vec3(0.0)) {
             share *= s.occlusion;
             roughness = s.roughness;
@@ -144,12 +143,9 @@ void run(uvec3 id) {
     if (any(greaterThanEqual(pixel, size))) {
         return;
     }
-    vec2 ndc = (vec2(pixel) + 0.5) * (2.0 / vec2(size)) - 1.0;
-    vec3 origin, direction;
-    camera_ray(
-        frame.view_from_clip, frame.world_from_view, ndc, frame.orthographic != 0u, origin, direction
-    );
-    Ray ray = Ray(origin, 0.0, direction, FAR);
+    vec2 uv = (vec2(pixel) + 0.5) / vec2(size);
+    CameraRay seen = camera_ray(uv, frame.view_from_clip, frame.world_from_view, frame.orthographic != 0u);
+    Ray ray = Ray(seen.origin, 0.0, seen.direction, FAR);
 #if RAY_VIEW == 0
     vec3 color = light_along(ray);
 #else

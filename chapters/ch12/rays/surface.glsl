@@ -10,12 +10,13 @@
 #include "scene/vertices.glsl"
 #include "shading/material.glsl"
 #include "transform.glsl"
+#include "ray_offset.glsl"
 #if defined(NORMAL_MAP) && defined(TANGENTS_DERIVED)
 #include "visibility/cotangent.glsl"
 #endif
 
 struct Surface {
-    vec3 position;     // relative to the origin of the scene
+    SurfacePoint at;   // where rays that leave it begin
     vec3 flat_normal;  // of the triangle, towards the side that the ray comes from
     vec3 normal;       // for shading, after the normal map
     vec3 base_color;
@@ -131,13 +132,9 @@ Surface surface_at(Hit hit, vec3 direction) {
     Material material = materials[instance.material];
     uint flags = uint(material.uv_rows[1].w);
     uvec3 v = corners_of(mesh, hit.primitive);
-    vec3 a = transform_point(instance.world_from_object, fetch3(mesh.streams[0].x, v.x));
-    vec3 b = transform_point(instance.world_from_object, fetch3(mesh.streams[0].x, v.y));
-    vec3 c = transform_point(instance.world_from_object, fetch3(mesh.streams[0].x, v.z));
-    found.position = at_hit(a, b, c, hit.at);
-    vec3 across = cross(b - a, c - a);
-    across *= inversesqrt(max(dot(across, across), 1e-37));
-    found.flat_normal = dot(across, direction) > 0.0 ? -across : across;
+    vec3 a = fetch3(mesh.streams[0].x, v.x), b = fetch3(mesh.streams[0].x, v.y), c = fetch3(mesh.streams[0].x, v.z);
+    found.at = surface_point(instance.world_from_object, a, b, c, hit.at);
+    found.flat_normal = dot(found.at.normal, direction) > 0.0 ? -found.at.normal : found.at.normal;
     found.base_color = tint_of(mesh, material, v, hit.at).rgb;
 #ifdef TEXTURED
     vec4 maps[5];
