@@ -59,55 +59,56 @@ def minimal_scratch(device):
     return int(limits.minAccelerationStructureScratchOffsetAlignment)
 
 
+def builds_of(log):
+    """Return what was built, by call: (whether it is a mesh, whether anew, offset, size, address of scratch memory).
+
+    And what was asked: (size of the structure, of its scratch memory) by the number of triangles or instances.
+    """
+    asked, created, builds = {}, {}, []
+    for name, arguments in log:
+        if name == "vkGetAccelerationStructureBuildSizesKHR":
+            sizes = arguments[4]
+            asked[int(arguments[3][0])] = int(sizes.accelerationStructureSize), int(sizes.buildScratchSize)
+        elif name == "vkCreateAccelerationStructureKHR":
+            created[number(arguments[3][0])] = int(arguments[1].offset), int(arguments[1].size)
+        elif name == "vkCmdBuildAccelerationStructuresKHR":
+            infos = [arguments[2][place] for place in range(int(arguments[1]))]
+            builds.append(
+                [
+                    (
+                        info.type == BOTTOM,
+                        info.mode != UPDATE,
+                        # Now: a compacted copy may get the number of a structure that was destroyed.
+                        *created[number(info.dstAccelerationStructure)],
+                        int(info.scratchData.deviceAddress),
+                    )
+                    for info in infos
+                ]
+            )
+    return builds, asked
+
+
 @pytest.mark.feature("acceleration/size-and-scratch")
 def test_sizes_are_those_that_the_driver_says_and_scratch_memory_is_aligned(chapter, device, tmp_path):
-    asked, created, builds, buffers = {}, {}, [], {}
-    names = ("vkGetAccelerationStructureBuildSizesKHR", "vkCreateAccelerationStructureKHR")
-
     with traces_of(chapter, ch12.__name__, fifth_deforms(), tmp_path) as traces:
         structures = traces.structures
-        log = told(device, lambda: (structures._make_anew(), traces.build(0, deformed=True)))
-        pending = []
-        for name, arguments in log:
-            if name == names[0]:
-                count = int(arguments[3][0])
-                pending.append(
-                    (count, int(arguments[4].accelerationStructureSize), int(arguments[4].buildScratchSize))
-                )
-            elif name == names[1]:
-                info = arguments[1]
-                created[number(arguments[3][0])] = int(info.offset), int(info.size)
-            elif name == "vkCreateBuffer":
-                buffers[number(arguments[3][0])] = int(arguments[1].size)
-            elif name == "vkCmdBuildAccelerationStructuresKHR":
-                for place in range(int(arguments[1])):
-                    info = arguments[2][place]
-                    scratch = int(info.scratchData.deviceAddress)
-                    builds.append((info.type, info.mode, number(info.dstAccelerationStructure), scratch))
-        asked = {count: (size, scratch) for count, size, scratch in pending}
-        alignment = minimal_scratch(device)
-        assert len(builds) == 5 + 1 + 1  # all meshes, a refit, the upper level
-        bottoms = [it for it in builds if it[0] == BOTTOM and it[1] != UPDATE]
-        counts = {20 + 10 * mesh for mesh in range(5)}
-        assert counts <= asked.keys()
-        used = []
-        for _, _, handle, scratch in builds:
-            offset, size = created[handle]
-            assert offset % 256 == 0 and scratch % alignment == 0 and scratch > 0
-            used.append(size)
-        assert {created[it[2]][1] for it in bottoms} == {asked[count][0] for count in counts}
-        # Those of one call may run at the same time: no two of them share a byte.
-        (static,) = [
-            it
-            for name, it in ((n, a) for n, a in log)
-            if name == "vkCmdBuildAccelerationStructuresKHR" and it[1] == 4
-        ]
-        starts = sorted(int(static[2][place].scratchData.deviceAddress) for place in range(4))
-        scratches = {
-            int(static[2][place].scratchData.deviceAddress): asked[20 + 10 * place][1] for place in range(4)
-        }
-        for first, second in itertools.pairwise(starts):
-            assert first + scratches[first] <= second
+        builds, asked = builds_of(
+            told(device, lambda: (structures._make_anew(), traces.build(0, deformed=True)))
+        )
+    still, moving, refit, top = builds
+    assert [len(call) for call in builds] == [4, 1, 1, 1]
+    assert all(it[:2] == (True, True) for it in (*still, *moving))
+    assert refit[0][:2] == (True, False) and top[0][:2] == (False, True)
+    alignment = minimal_scratch(device)
+    for _, _, offset, _, scratch in (*still, *moving, *refit, *top):
+        assert offset % 256 == 0 and scratch % alignment == 0 and scratch > 0
+    counts = [20 + 10 * mesh for mesh in range(5)]
+    assert [it[3] for it in (*still, *moving)] == [asked[count][0] for count in counts]
+    assert top[0][3] == asked[5][0]
+    # Those of one call may run at the same time: no two of them share a byte, of their own or of scratch memory.
+    for place, sizes in ((2, [it[3] for it in still]), (4, [asked[count][1] for count in counts[:4]])):
+        parts = sorted((it[place], it[place] + size) for it, size in zip(still, sizes, strict=True))
+        assert all(first[1] <= second[0] for first, second in itertools.pairwise(parts))
     assert structures._bottoms.all == []
 
 
