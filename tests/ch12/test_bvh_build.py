@@ -41,7 +41,7 @@ def check(tree, low, high, largest=model.LEAF_LARGEST):
     depth = 0
     if len(low) > largest:
         depth = max(inside(tree.children[0, side], tree.low[0, side], tree.high[0, side], 1) for side in range(2))
-        assert depth == tree.depth <= model.DEPTH_LARGEST
+        assert depth == tree.depth <= model.DEPTH_UPPER
         assert tree.levels[-1] == len(tree.children)
         assert (covered == 1).all()
     return depth
@@ -72,7 +72,7 @@ def test_depth_is_bounded_where_every_split_would_take_off_one():
         tree = build.build(low, low.copy(), 1)
         depth = check(tree, low, low, 1)
         assert depth > 11
-    assert build.build(low[:60] + 0, low[:60] + 0, 1).depth <= model.DEPTH_LARGEST
+    assert build.build(low[:60] + 0, low[:60] + 0, 1).depth <= model.DEPTH_UPPER
 
 
 def test_extreme_boxes():

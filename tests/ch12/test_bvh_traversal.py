@@ -210,6 +210,17 @@ def test_scenes_of_nothing(tracer):
     assert tracer.trace(pack.buffers([full, pack.mesh_tree(*nothing)], flat, [0, 0, 1]), rays).hit.any()
 
 
+def test_rays_that_are_no_rays_hit_nothing(tracer):
+    rays = rays_of(np.zeros((8, 3)), [(0, 0, 1)] * 8)
+    rays[0, 4:7] = 0.0
+    rays[1, 0], rays[2, 5], rays[3, 6] = np.nan, np.nan, np.inf
+    rays[4, 7], rays[5, 3], rays[6, 2] = np.nan, np.nan, np.inf
+    for buffers in (alone(*icosphere(2)), alone(*indexed(soup(1, 1)))):
+        hits = tracer.trace(buffers, rays)
+        assert not hits.hit[:7].any()
+    assert tracer.trace(alone(*icosphere(2)), rays).hit[7]
+
+
 def test_triangles_without_area_and_without_numbers_are_left_out(tracer):
     corners = soup(200, 8, 0.4)
     corners[10, 1] = np.nan

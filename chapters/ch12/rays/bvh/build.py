@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .model import COUNT_SHIFT, DEPTH_LARGEST, LEAF, LEAF_LARGEST, NO_CHILD
+from .model import COUNT_SHIFT, DEPTH_UPPER, LEAF, LEAF_LARGEST, NO_CHILD
 
 Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]
@@ -77,7 +77,7 @@ def build(low: Floats, high: Floats, largest: int = LEAF_LARGEST, bins: int = BI
     """Return the tree over (N, 3) boxes, all finite, with leaves of at most `largest` primitives.
 
     Where all centres of a node are in one bin of every axis, and where the level leaves no room for uneven splits below
-    DEPTH_LARGEST, a node is split in the middle of its list. The result depends on nothing but the boxes.
+    DEPTH_UPPER, a node is split in the middle of its list. The result depends on nothing but the boxes.
     """
     total = len(low)
     boxes = np.concatenate([low.T, high.T]).astype(np.float32)  # (6, N)
@@ -208,7 +208,7 @@ def _sides(
         side |= key >= np.repeat(last, count)
     # Halves reach leaves after this many levels; a node that has no more than those left must not be split unevenly.
     halvings = np.ceil(np.log2(np.maximum(count, largest) / largest))
-    middle = np.isinf(best) | (halvings >= DEPTH_LARGEST - level)
+    middle = np.isinf(best) | (halvings >= DEPTH_UPPER - level)
     if middle.any():
         _split_in_the_middle(side, centres, begin, count, np.flatnonzero(middle))
     return side

@@ -72,9 +72,10 @@ UNUSABLE = 1
 """Flag of a triangle without area or with corners that are no numbers: its corners are zeros, and its leaf's box is
 without it."""
 
-DEPTH_LARGEST = 32
-"""Of nodes above one another in either level. A traversal keeps one code for each node on its way, of both levels."""
-STACK = 2 * DEPTH_LARGEST
+DEPTH_UPPER, DEPTH_LARGEST = 32, 44
+"""How many nodes stand above one another at most, in the upper level and in a mesh. A rebuild on the GPU has as many levels
+as its codes and the number of leaves have bits. A traversal keeps one code for each node on its way, of both levels."""
+STACK = DEPTH_UPPER + DEPTH_LARGEST
 
 CONSTANTS = {
     "BVH_LEAF": f"{LEAF}u",

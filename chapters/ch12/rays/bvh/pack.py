@@ -92,7 +92,8 @@ def mesh_tree(
     """Return the hierarchy over the triangles of a mesh, (V, 3) positions and (3 T,) indices; `mesh` is its number.
 
     Triangles with a corner that is not finite, or beyond 1e18, and those without area are left out: no ray may hit them. A
-    deforming mesh keeps them, since they may get an area: they lie at 0 in a leaf's list, whose box is without them.
+    deforming mesh keeps them, since they may get an area: they lie at 0 in a leaf's list, whose box is without them. It also
+    has room for as many nodes as a rebuild may need (fast.py): those behind the tree's own have no children.
     """
     corners = np.asarray(positions, np.float32)[np.asarray(indices).reshape(-1, 3)]
     sound = usable(corners)
@@ -105,8 +106,10 @@ def mesh_tree(
     triangles["primitive"], triangles["mesh"] = kept[tree.order], mesh
     triangles["flags"] = np.where(sound[kept[tree.order]], 0, model.UNUSABLE)
     nodes = nodes_of(tree)
-    if deforming and not sound.all():
-        refit(nodes, tree.levels, triangles)
+    if deforming:
+        if not sound.all():
+            refit(nodes, tree.levels, triangles)
+        nodes = np.concatenate([nodes, np.repeat(nothing(), max(len(kept) - 1 - len(nodes), 0))])
     box = np.stack([
         np.minimum(nodes["low0"][0], nodes["low1"][0]), np.maximum(nodes["high0"][0], nodes["high1"][0])
     ])  # fmt: skip

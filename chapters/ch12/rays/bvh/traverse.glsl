@@ -9,6 +9,8 @@
 #ifdef NON_OPAQUE
 #include "rays/accept.glsl"
 #endif
+const uint BVH_PASSED = BVH_NO_CHILD - 1u;  // in the place of a code: a hit in front of that box was found since
+
 #ifdef STEPS
 uint bvh_steps = 0u;  // nodes and leaves of the last trace
 #endif
@@ -17,7 +19,9 @@ uint bvh_steps = 0u;  // nodes and leaves of the last trace
 SlabRay bvh_slabs(uint root, vec3 origin, vec3 direction, float roundings) {
     vec3 low = min(bvh_nodes[4u * root].xyz, bvh_nodes[4u * root + 2u].xyz);
     vec3 high = max(bvh_nodes[4u * root + 1u].xyz, bvh_nodes[4u * root + 3u].xyz);
-    return slab_ray(origin, direction, 0.5 * low + 0.5 * high, 0.5 * high - 0.5 * low, roundings);
+    bool empty = any(greaterThan(low, high));
+    return slab_ray(
+        origin, direction, empty ? vec3(0.0) : 0.5 * low + 0.5 * high, empty ? vec3(0.0) : 0.5 * high - 0.5 * low, roundings);
 }
 
 Hit bvh_traverse(Ray ray, uint mask, bool any) {
@@ -29,6 +33,7 @@ Hit bvh_traverse(Ray ray, uint mask, bool any) {
     SlabRay world_slabs = bvh_slabs(bvh_head.x, ray.origin, ray.direction, 32.0), slabs = world_slabs;
     ShearedRay sheared_ = sheared_ray(ray.origin, ray.direction);
     uint stack[BVH_STACK];
+    float begins[BVH_STACK];  // where the ray enters the box of what is put off
     uint size = 0u;
     uint floor_ = BVH_NO_CHILD;  // the stack's size at which the instance ends; none in the upper level
     uint instance = 0u, flags = 0u;
@@ -42,7 +47,9 @@ Hit bvh_traverse(Ray ray, uint mask, bool any) {
 #ifdef STEPS
         ++bvh_steps;
 #endif
-        if ((code & BVH_LEAF) == 0u) {
+        if (code >= BVH_PASSED) {
+            // Nothing, or what is behind the hit. (A ray that is not a number may come to a child that is none.)
+        } else if ((code & BVH_LEAF) == 0u) {
             uint at = code * 4u;
             vec4 low0 = bvh_nodes[at], high0 = bvh_nodes[at + 1u], low1 = bvh_nodes[at + 2u], high1 = bvh_nodes[at + 3u];
             vec2 span0 = slab_interval(slabs, low0.xyz, high0.xyz, ray.t_min, hit.t);
@@ -54,6 +61,7 @@ Hit bvh_traverse(Ray ray, uint mask, bool any) {
             pop = !(hit0 || hit1);
             if (hit0 && hit1) {
                 stack[size] = swap ? child0 : child1;
+                begins[size] = swap ? span0.x : span1.x;
                 ++size;
             }
         } else if (floor_ == BVH_NO_CHILD) {
@@ -101,7 +109,7 @@ Hit bvh_traverse(Ray ray, uint mask, bool any) {
             }
             if (going) {
                 --size;
-                code = stack[size];
+                code = begins[size] < hit.t ? stack[size] : BVH_PASSED;
             }
         }
     }
