@@ -55,6 +55,9 @@ class Memory(BvhMemory):
         if kernel == TRIANGLES:
             bind_buffer(context, "storage", 4, data.page_buffer(slot, page))
 
+    def _end(self, slot: int) -> None:
+        self._data.bind_frame(slot)
+
     def close(self) -> None:
         """Free everything."""
         for buffer in self.buffers.values():

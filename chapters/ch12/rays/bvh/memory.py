@@ -136,6 +136,7 @@ class BvhMemory:
             commands.compute_barrier()
         self._run(commands, INSTANCES, slot, (0, self._instances, 0, 0))
         self._fit(commands, slot, self._top_levels, 1)
+        self._end(slot)
 
     def _fit(self, commands: Commands, slot: int, levels: Sequence[tuple[int, int]], upper: int) -> None:
         for first, count in levels:
@@ -184,6 +185,9 @@ class BvhMemory:
     def _bind_kernel(self, commands: Any, kernel: str, pipeline: Built, slot: int, page: int) -> None:
         """Bind a kernel with the buffers of a slot; the kernel of triangles with a page of geometry."""
         raise NotImplementedError
+
+    def _end(self, slot: int) -> None:
+        """Bind again what the kernels replaced."""
 
     def close(self) -> None:
         """Free everything; no frame is in flight."""
