@@ -12,7 +12,7 @@ from common.gltf import load_scene
 from common.scene.pose import evaluate_pose
 from tests.support.hierarchies import Tracer, icosphere, indexed, random_rays, rays_of, soup, torus
 from tests.support.kernels import kernels_on
-from tests.twins.rays import box_interval, nearest
+from tests.twins.rays import box_interval, moeller_trumbore, nearest
 
 pytestmark = [pytest.mark.variants("vulkan", "gl"), pytest.mark.feature("ray-tracing/software-bvh")]
 ALONE = np.eye(4)[None]
@@ -181,6 +181,28 @@ def test_masks_choose_instances(tracer):
     for mask, expected in ((0xFF, 1), (1, 1), (2, 2), (3, 1), (128, 3), (130, 2), (4, -1), (0, -1)):
         assert tracer.trace(buffers, rays, mask).instance.tolist() == [expected] * 2
         assert tracer.occluded(buffers, rays, mask).tolist() == [expected >= 0] * 2
+
+
+def test_surfaces_that_are_not_opaque_ask_for_each_candidate(tracer):
+    """Two instances of a soup, one flagged: the first hit among those that the function accepts, of the other all."""
+    corners = soup(120, 21, 0.3)
+    matrices = np.tile(np.eye(4), (2, 1, 1))
+    matrices[1, 0, 3] = 0.7
+    buffers = pack.buffers([pack.mesh_tree(*indexed(corners))], matrices, [0, 0], flags=[0, model.NON_OPAQUE])
+    placed = np.concatenate([corners, corners.astype(np.float64) + matrices[1, :3, 3]])
+    rays = rays_of(*random_rays(1500, 22))
+    t, u, _, inside = moeller_trumbore(placed, rays[:, None, :3], rays[:, None, 4:7])
+    accepted = np.arange(240) < 120
+    accepted = accepted | ((np.arange(240) % 120 % 2 == 1) & (u < 0.5))
+    sure = ((np.abs(inside) > 1e-5) & (np.abs(u - 0.5) > 1e-5)).all(axis=1)
+    reached = np.where(accepted & (inside >= 0) & (t > 0), t, np.inf)
+    which = np.where(np.isfinite(reached.min(axis=1)), reached.argmin(axis=1), -1)
+    hits = tracer.trace(buffers, rays, 0xFF, ("NON_OPAQUE", 1))
+    assert sure.mean() > 0.9
+    assert np.array_equal(np.where(hits.hit, hits.instance * 120 + hits.primitive, -1)[sure], which[sure])
+    assert np.array_equal(tracer.occluded(buffers, rays, 0xFF, ("NON_OPAQUE", 1))[sure], which[sure] >= 0)
+    opaque = tracer.trace(buffers, rays)
+    assert not np.array_equal(opaque.primitive, hits.primitive)
 
 
 def test_ends_of_rays_do_not_belong_to_them(tracer):

@@ -18,7 +18,8 @@ layout(local_size_x = 64) in;
 #define RAYS_SET 0
 #define RAYS_BINDING 0
 #ifdef NON_OPAQUE
-#define ACCEPT_HERE
+#include "rays/ray.glsl"
+bool accept(Hit hit) { return ((hit.primitive ^ hit.instance) & 1u) == 0u && hit.at.x < 0.5; }
 #endif
 #include "rays/bvh/traverse.glsl"
 struct Push { uvec4 numbers; };  // rays, mask, 1: any hit

@@ -1,14 +1,14 @@
 // Traversal of the hierarchy that rays/bvh/ builds: instances above, triangles of meshes below. bvh/model.py lays out the
 // records.
+//
+// NON_OPAQUE: what includes this has a function `bool accept(Hit)`, which decides on candidates in instances of that flag;
+// candidates come in any order, each once. STEPS: `bvh_steps` counts.
 
 #include "watertight.glsl"
 #include "slabs.glsl"
 #include "rays/ray.glsl"
 #include "rays/bvh/records.glsl"
 
-#ifdef NON_OPAQUE
-#include "rays/accept.glsl"
-#endif
 const uint BVH_PASSED = BVH_NO_CHILD - 1u;  // in the place of a code: a hit in front of that box was found since
 
 #ifdef STEPS
