@@ -213,7 +213,7 @@ def run(
         camera=camera,
         path=path,
         quality=quality,
-        overrides=tuple(set_ or ()),
+        overrides=running.shown_by(which, set_ or ()),
         view=view,
         without=tuple(without or ()),
         validate=running.validation(which, validate, not no_validate, backend),
