@@ -41,4 +41,7 @@ def xyz_from_rgb(gamut: Gamut) -> NDArray[np.float64]:
 
 def between(source: Gamut, target: Gamut) -> NDArray[np.float64]:
     """Return the matrix (3, 3) from linear light in `source` to that light in `target`; both have the same white."""
-    return np.linalg.solve(xyz_from_rgb(target), xyz_from_rgb(source))
+    matrix: NDArray[np.float64] = np.linalg.solve(xyz_from_rgb(target), xyz_from_rgb(source)).astype(
+        np.float64
+    )
+    return matrix
