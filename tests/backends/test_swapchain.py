@@ -274,7 +274,7 @@ class Other(Display):
     """Remembers what it was asked, shows an image of its own, and has something to tell."""
 
     instance_extensions = ("VK_EXT_swapchain_colorspace", "VK_EXT_of_nobody")
-    device_extensions = (HDR_METADATA, "VK_EXT_of_nobody")
+    device_extensions = (HDR_METADATA, "VK_KHR_swapchain_mutable_format", "VK_EXT_of_nobody")
     told = TOLD
 
     def choose(self, offered, extensions):
@@ -301,6 +301,8 @@ def test_a_display_chooses_shows_and_tells(window):
             display.extensions == device.instance.extensions and "VK_EXT_of_nobody" not in display.extensions
         )
         assert screen.takes_lists
+        assert device.physical.extensions & {*display.device_extensions} <= device.extensions
+        assert "VK_EXT_of_nobody" not in device.extensions
         device.fn.__dict__["vkSetHdrMetadataEXT"] = lambda handle, count, chains, info: calls.append(
             (chains[0], info.maxLuminance, info.displayPrimaryRed.x)
         )

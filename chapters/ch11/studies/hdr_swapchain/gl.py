@@ -28,8 +28,9 @@ class Renderer(Stage):
     def create(self) -> None:
         """Choose the encoding, and make the programs."""
         check(self.settings)
-        self.encoding = decide(self.settings.encoding, "srgb" if self.presents else None)
-        self.matches = self.presents and self.encoding == "srgb"
+        offered = "srgb" if self.presents else None
+        self.encoding = decide(self.settings.encoding, offered)
+        self.matches = offered == self.encoding
         if self.presents and WINDOW not in self.scene.warnings:
             self.scene.warnings.append(WINDOW)
         macros = defines(self.settings, self.encoding)

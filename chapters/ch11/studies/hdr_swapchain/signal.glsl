@@ -17,11 +17,10 @@ const float PQ_C3 = 2392.0 / 128.0;
 // multiplies each rounding of it by 79. Since c1 = 1 + c3 - c2, the ratio is 1 - d with d = (c2 - c3)(1 - p) / (1 + c3 p).
 // ln(1 - d) = -2 atanh(d / (2 - d)) is a series of positive terms, so that its relative error stays at a few roundings.
 float pq_from_nits(float nits) {
-    float y = clamp(nits / PQ_PEAK, 0.0, 1.0);
-    float p = y > 0.0 ? pow(y, PQ_M1) : 0.0;
+    float p = pow(clamp(nits / PQ_PEAK, 0.0, 1.0), PQ_M1);
     float d = (PQ_C2 - PQ_C3) * (1.0 - p) / (1.0 + PQ_C3 * p);
-    float z = d / (2.0 - d), square = z * z;  // z is at most 0.09: the first term left out is z^9 / 9
-    float log_of_ratio = -2.0 * z * (1.0 + square * (1.0 / 3.0 + square * (1.0 / 5.0 + square / 7.0)));
+    float z = d / (2.0 - d), square = z * z;  // z is at most 0.09, so the terms left out are below 1e-7 of the sum
+    float log_of_ratio = -2.0 * z * (1.0 + square * (1.0 / 3.0 + square / 5.0));
     return exp(PQ_M2 * log_of_ratio);
 }
 
