@@ -408,16 +408,14 @@ def run_window(
     `open_renderer(size=, device=, presents=True, **options)` opens the renderer on the window's device: for example
     `partial(chapters.open, 1, scene=scene)`; for other settings it is called again, with `settings=`. `camera` names
     the view to begin with, `time` the seconds; `frames` ends the run by itself; `on_frame(renderer, frame)` is called
-    after each frame. `backend` is the renderer's, "vulkan" or "gl"; `display` is a `Display` of the renderer's own for
-    Vulkan. With `panel` the panel is shown where it can be; `name` begins the names of screenshots, `quality` says how
-    the preset was chosen, `places` where the lessons explain each knob. Shaders that are saved meanwhile
-    are taken over (`tools.run.live`). Raises UnsupportedError where there is no display, or none that the backend can
-    draw to. Everything is closed in any case.
+    after each frame. `backend` is the renderer's, "vulkan" or "gl"; `display` is for `open_screen`. With `panel` the
+    panel is shown where it can be; `name` begins the names of screenshots, `quality` says how the preset was chosen,
+    `places` where the lessons explain each knob. Shaders that are saved meanwhile are taken over (`tools.run.live`).
+    Raises UnsupportedError where there is no display, or none that the backend can draw to. Everything is closed.
     """
     options.setdefault("outputs", ())
     with open_window(backend, size, title) as window:
-        shown_by = {} if display is None else {"display": display}
-        screen = open_screen(backend, window, validate=validate, without=without, vsync=vsync, **shown_by)
+        screen = open_screen(backend, window, display, validate=validate, without=without, vsync=vsync)
         sink = screen.device.sink
         # The desktop may have given another size than was asked for; a window opened minimised has none yet.
         given = size if window.minimised else window.size

@@ -7,5 +7,5 @@ layout(location = 0) out vec4 out_color;
 
 void main() {
     int strip = min(int(in_uv.y * float(STRIPS)), STRIPS - 1);
-    out_color = vec4(COLORS[strip] * exp2(stops_at(in_uv.x)), 1.0);
+    out_color = vec4(STRIP_COLORS[strip] * exp2(stops_at(in_uv.x)), 1.0);
 }
