@@ -266,6 +266,25 @@ def test_the_picture_shows_the_signal_four_times(stage, encoding):
     assert abs(20 * (1 - pq(limits(settings, encoding)[1])) - blue[-1]) <= 2
 
 
+@pytest.mark.parametrize("encoding", ["hdr10", "scrgb", "srgb"])
+def test_another_size_is_encoded_anew_and_nothing_is_left(stage, encoding):
+    with stage.open(WHICH, (8, 8)):  # what the device itself keeps is made by the first one
+        pass
+    before = dict(stage.device.alive)
+    more = {"settings": Settings(encoding=encoding), "outputs": ("color", "encoded")}
+    with stage.open(WHICH, (64, 80), **more) as renderer:
+        view = chapters.view_of(renderer)
+        first, again = (renderer.render(view).image("encoded") for _ in range(2))
+        assert np.array_equal(first, again) and renderer.idle(view, 1.0)
+        for size in ((33, 17), (1, 1)):
+            renderer.resize(size)
+            frame = renderer.render(view)
+            assert frame.image("encoded").shape[:2] == frame.image("color").shape[:2] == size[::-1]
+        renderer.resize((64, 80))
+        assert np.array_equal(renderer.render(view).image("encoded"), first)
+    assert stage.device.alive == before
+
+
 # --- surfaces ---
 
 BGRA = (vk.VK_FORMAT_B8G8R8A8_UNORM, SRGB)
