@@ -192,6 +192,7 @@ class FramePlan:
         """Let another pass draw in place of pass `name`. It must declare the same reads and writes."""
         check_name(name, self.switches)
         check_pass(pass_, self._formats)
+        self._declare(pass_)
         now = self.implementations()[name]
         for what in ("reads", "writes"):
             old, new = (each.reads if what == "reads" else each.writes for each in (now, pass_))
@@ -232,10 +233,17 @@ class FramePlan:
     def _compile(
         self, size: tuple[int, int], scene: Any, settings: Any, requirements: Requirements | None, alias: bool
     ) -> tuple[list[Node], Graph]:
-        for pass_ in (self.passes | self._inserted).values():
-            pass_.declare()
+        for pass_ in (*self.passes.values(), *self._inserted.values(), *self._swapped.values()):
+            self._declare(pass_)
+        off = {*self.file.passes.values()} - self._beside
         declared = {
-            name: Declared(name, pass_.reads, pass_.writes, _why_not(pass_, scene, settings), pass_.queue)
+            name: Declared(
+                name,
+                pass_.reads,
+                pass_.writes,
+                OFF if name in off else _why_not(pass_, scene, settings),
+                pass_.queue,
+            )
             for name, pass_ in self.passes.items()
         }
         nodes = self.file.nodes(declared, self._formats, outputs=OUTPUTS, on=self._on)
@@ -259,6 +267,15 @@ class FramePlan:
         )
         self.kept, self.externals = kept, externals
         return nodes, graph
+
+    def _declare(self, pass_: Pass) -> None:
+        """Let a pass bring its reads and writes up to date, and tell it which passes are switched on."""
+        pass_.beside = self._beside
+        pass_.declare()
+
+    @property
+    def _beside(self) -> frozenset[str]:
+        return frozenset(self.file.passes.get(name, name) for name, on in self.switches.items() if on)
 
     def watched(self, graph: Graph) -> list[Any]:
         """Return the passes that write an inspected image, in the order of the frame (see `Inspection`)."""
