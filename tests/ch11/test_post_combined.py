@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 
+from chapters.ch11.graph.file import graph_path
 from chapters.ch11.post.tonemap import TonemapPass
 from chapters.ch11.settings import Settings
+from common.errors import UserError
 from common.numerics.transforms import pose_looking_at
 from common.settings import flat, replaced
 from common.view.camera import Perspective, View
@@ -154,3 +158,35 @@ def test_a_view_of_a_quantity_shows_none_of_them(chapter, view):
     effects = {**PASSES["sharpen"], **PASSES["motion_blur"], **FXAA, **LAST, "split": "rows"}
     found, same = frames(chapter, replaced(settings, **effects))
     assert steps == same and np.array_equal(plain, found)
+
+
+@pytest.mark.feature("demo/combined-effects")
+def test_a_graph_without_what_settings_need_is_refused_in_one_sentence(chapter, tmp_path):
+    """The passes of this chapter are not in the one, and in the other the image of bloom has another name."""
+
+    def graph(name, passes, **names):
+        file = tmp_path / name
+        renamed = [
+            {**it, "reads": {of: names.get(to, to) for of, to in it.get("reads", {}).items()}}
+            for it in passes
+        ]
+        file.write_text(json.dumps({"passes": renamed}), "utf-8")
+        return file
+
+    whole = json.loads(graph_path("deferred").read_text("utf-8"))["passes"]
+    new = ("motion", "motion_objects", "taa", "motion_blur", "sharpen", "fxaa")
+    old = [it for it in whole if it["pass"] not in new]
+    older = graph("older.json", old, history_color="color_hdr", color_focused="color_bloomed")
+    glow = [{**it, **({"writes": {"color_bloomed": "glow"}} if it["pass"] == "bloom" else {})} for it in old]
+    renamed = graph(
+        "renamed.json", glow, history_color="color_hdr", color_focused="glow", color_bloomed="glow"
+    )
+    for file, knobs, said in (
+        (older, {"taa": "full"}, r"older\.json has no pass 'motion', which taa=full needs: add it where"),
+        (renamed, {"split": "rows"}, r"renamed\.json has no image 'color_bloomed', which split=rows shows"),
+    ):
+        with pytest.raises(UserError, match=said):
+            chapter.open(yard(LAMP), SIZE, replaced(BASE, graph=str(file), **knobs)).close()
+    for file, knobs in ((older, {"split": "rows"}), (renamed, {}), (older, FXAA)):
+        picture, _ = frames(chapter, replaced(BASE, graph=str(file), **knobs), yard(LAMP))
+        assert picture.any()

@@ -28,7 +28,7 @@ from ..ssao.model import wanted as occludes
 from ..taa.scale import drawn_size, enlarged
 from ..visibility.model import RESOLVE
 from ..visibility.model import in_use as numbers
-from .checks import check_name, check_output, check_pass, check_readers
+from .checks import check_finish, check_name, check_output, check_pass, check_readers
 from .file import GraphFile
 from .frame_graph import bytes_of, compile_graph
 from .names import connect
@@ -77,6 +77,7 @@ def check_samples(file: GraphFile, settings: Any) -> None:
             f"{file.path.name} has no G-buffer, and surfaces={settings.visibility.surfaces} fills one: set "
             "graph=deferred or compute, or surfaces=gbuffer."
         )
+    check_finish(file, settings)
 
 
 @dataclass(frozen=True)

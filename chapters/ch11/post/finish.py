@@ -17,12 +17,9 @@ from backends.contract import Access, Sources
 from ..scene.data import BEHIND_SCENE
 from ..shading.settings import ShadingSettings
 from ..shading.views import PICTURE
-from .settings import PostSettings
+from .settings import RAW, PostSettings
 
 Defines = tuple[tuple[str, int | float | str], ...]
-
-RAW = "color_bloomed"
-"""The picture that the raw part of a split view shows: what the lens gives, before anything finishes it."""
 
 TONED = "color_toned"
 """The picture between tone curve and FXAA."""

@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 from common.settings import knob
 
+RAW = "color_bloomed"
+"""The picture that the raw part of a split view shows: what the lens gives, before anything finishes it."""
+
 
 @dataclass
 class PostSettings:
