@@ -15,6 +15,7 @@ LESSON = Lesson(
         "weights by contrast, by luminance and by difference of luminance",
         "a share of 1/n over whole periods, until a view at rest stays as it is",
         "finer levels of textures, and coordinates without jitter",
+        "upscaling: what is drawn at a scale of 0.5 to 1 becomes a picture of full size in the history",
         "FXAA of the finished picture",
         "motion blur along motion vectors",
         "sharpening that keeps hue and black",

@@ -216,6 +216,7 @@ def test_each_mode_is_finite_and_near_the_whole_picture(chapter, scene, more):
 def test_what_compares_pixels_is_refused(chapter, scene):
     for more, words in (
         ({"taa": "off"}, "taa=full"),
+        ({"taa_filter": "tent"}, "taa_filter=tent has no effect"),
         ({"rate_policy": "sobel"}, "rate_policy=sobel"),
         ({"rate_policy": "radial", "rate_tint": True}, "rate_tint"),
     ):

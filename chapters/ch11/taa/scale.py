@@ -39,6 +39,11 @@ def check(settings: Settings) -> None:
         return
     if settings.taa.taa == "off":
         raise UserError(f"taa_scale={scale:g} draws fewer pixels than the picture has: set taa=full as well.")
+    if model.scale(settings) < 1.0 and settings.taa.taa_filter != "none" and settings.taa.taa == "full":
+        raise UserError(
+            f"taa_filter={settings.taa.taa_filter} has no effect with taa_scale={scale:g}, where samples are weighted "
+            "by their distance from the pixel of the picture: set taa_filter=none, or taa_scale=1."
+        )
     rates = settings.rates
     if model.scale(settings) < 1.0 and (rates.rate_policy == "sobel" or rates.rate_tint):
         knob = "rate_tint" if rates.rate_tint else "rate_policy=sobel"
