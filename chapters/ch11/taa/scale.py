@@ -3,7 +3,7 @@
 Everything before the pass `taa` is drawn at the scale, and the graph is compiled for that size. The pass writes its
 history at the size of the picture, and so do all passes that use the history. Depth and motion vectors are enlarged for
 outputs and for those passes: each pixel takes the nearest one that was drawn. Instance ids are drawn at the size of the
-picture, unless they share a depth that was drawn at the scale.
+picture, with a depth of their own.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ SAMPLES = 16
 DRAWN = "_drawn"
 """What a name ends with that is drawn at the scale, where the name itself is that of the enlarged image."""
 
-ENLARGED = {"depth": "d32f", "motion": "rg16f", "instance_id": "r32ui"}
+ENLARGED = {"depth": "d32f", "motion": "rg16f"}
 """The images that are enlarged, with their formats."""
 
 OWN_DEPTH = "depth_of_ids"
