@@ -25,6 +25,7 @@ from tools.cli.options import (
     CameraPath,
     Compress,
     Environment,
+    Rate,
     Runnable,
     Set,
     Size,
@@ -184,15 +185,7 @@ def run(
         ),
     ] = None,
     time: Annotated[float, typer.Option(metavar="SECONDS", help="Time of the first frame.")] = 0.0,
-    fps: Annotated[
-        float | None,
-        typer.Option(
-            metavar="RATE",
-            help="Frames per second of animation without a window: 60 by default, and 50 in a .gif, which can show no "
-            "more.",
-            show_default=False,
-        ),
-    ] = None,
+    fps: Rate = None,
     headless: Annotated[bool, typer.Option("--headless", help="Open no window.")] = False,
     watch: Annotated[
         bool,
@@ -359,14 +352,7 @@ def compare(
             show_default=False,
         ),
     ] = None,
-    fps: Annotated[
-        float | None,
-        typer.Option(
-            metavar="RATE",
-            help="Steps of the clock in a second: 60 by default, and 50 for a .gif, which can show no more.",
-            show_default=False,
-        ),
-    ] = None,
+    fps: Rate = None,
     quality: Annotated[
         str, typer.Option(metavar="low|medium|high|reference", help="Preset of a side that names none.")
     ] = "medium",
