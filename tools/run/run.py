@@ -335,7 +335,7 @@ def draw(request: Request, began: float) -> int:
             if request.verbose:
                 log.show()
             what = f"{studies.spoken(request.chapter)}, {scene.name}"
-            wrote = recording.spoken(log.pictures)
+            wrote = recording.spoken(log.pictures, request)
             say(f"{what}, {request.size[0]}x{request.size[1]}, {log.device}: wrote {wrote}")
             tell_warnings(scene, request.verbose, told)  # of what was loaded meanwhile
             opening.report(request.verbose)
