@@ -54,7 +54,7 @@ def place_transients(
         offsets = {name: offset for name, (offset, _) in zip(largest, ranges, strict=True)}
         size = max(offset + size for offset, size in ranges)
         for name in names:
-            places[name] = Place(len(heaps), offsets[name], needs[name].size)
+            places[name] = Place(len(heaps), offsets[name], needs[name].size, needs[name].padding)
         heaps.append(Heap(size, types, max(needs[name].alignment for name in names)))
         bound += _most_alive({name: lives[name] for name in names}, needs)
     alone = sum(needs[name].size for name in lives)
@@ -95,6 +95,10 @@ def users_before(memory: Memory) -> dict[str, list[str]]:
 
     A transient that shares no memory is its own last user, in the previous frame. A resource whose bytes all have later
     users is left out: those users waited for it.
+
+    In its padding an image does not take the place of the users before. By the specification its barriers wait for them
+    as well, and a chain of barriers is enough. But synchronization validation follows a chain only over the bytes of
+    texels, and reports users of the padding for which the next barrier does not wait by itself.
     """
     # By heap, ordered by place: (begin, end, last user of these bytes).
     owners: list[list[tuple[int, int, str]]] = [[] for _ in memory.heaps]
@@ -107,8 +111,9 @@ def users_before(memory: Memory) -> dict[str, list[str]]:
         since = bisect_right(ranges, begin, key=itemgetter(1))
         until = bisect_left(ranges, end, since, key=itemgetter(0))
         overlapped = ranges[since:until]
+        filled = end - place.padding
         before = [(low, begin, user) for low, _, user in overlapped[:1] if low < begin]
-        behind = [(end, high, user) for _, high, user in overlapped[-1:] if end < high]
-        ranges[since:until] = [*before, (begin, end, name), *behind]
+        behind = [(max(low, filled), high, user) for low, high, user in overlapped if filled < high]
+        ranges[since:until] = [*before, (begin, filled, name), *behind]
         users[name] = sorted({user for _, _, user in overlapped})
     return users
