@@ -96,24 +96,31 @@ def users_before(memory: Memory) -> dict[str, list[str]]:
     A transient that shares no memory is its own last user, in the previous frame. A resource whose bytes all have later
     users is left out: those users waited for it.
 
-    In its padding an image does not take the place of the users before. By the specification its barriers wait for them
-    as well, and a chain of barriers is enough. But synchronization validation follows a chain only over the bytes of
-    texels, and reports users of the padding for which the next barrier does not wait by itself.
+    That is a chain of barriers, and by the specification it orders all accesses. But synchronization validation follows
+    a chain only over the bytes of texels, without padding. So the last users of texels are included as well.
     """
+    users = _users(memory, {name: place.size for name, place in memory.places.items()})
+    if any(place.padding for place in memory.places.values()):
+        texels = {name: place.size - place.padding for name, place in memory.places.items()}
+        users = {name: sorted({*users[name], *found}) for name, found in _users(memory, texels).items()}
+    return users
+
+
+def _users(memory: Memory, sizes: Mapping[str, int]) -> dict[str, list[str]]:
+    """Return the last users of the bytes of each transient if a use takes `sizes` bytes from the offset on."""
     # By heap, ordered by place: (begin, end, last user of these bytes).
     owners: list[list[tuple[int, int, str]]] = [[] for _ in memory.heaps]
     users: dict[str, list[str]] = {}
     order = sorted(memory.lives, key=lambda name: memory.lives[name])
     for name in (*order, *order):  # the first round is the previous frame
         place = memory.places[name]
-        begin, end = place.offset, place.offset + place.size
+        begin, end = place.offset, place.offset + sizes[name]
         ranges = owners[place.heap]
         since = bisect_right(ranges, begin, key=itemgetter(1))
         until = bisect_left(ranges, end, since, key=itemgetter(0))
         overlapped = ranges[since:until]
-        filled = end - place.padding
         before = [(low, begin, user) for low, _, user in overlapped[:1] if low < begin]
-        behind = [(max(low, filled), high, user) for low, high, user in overlapped if filled < high]
-        ranges[since:until] = [*before, (begin, filled, name), *behind]
+        behind = [(end, high, user) for _, high, user in overlapped[-1:] if end < high]
+        ranges[since:until] = [*before, (begin, end, name), *behind]
         users[name] = sorted({user for _, _, user in overlapped})
     return users
