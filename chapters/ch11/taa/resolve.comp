@@ -162,7 +162,7 @@ void main() {
             vec3 before = texelFetch(history_color, pixel, 0).rgb * ratio;
             if (is_finite_color(before)) {
 #ifdef SCALED
-                float counted = texelFetch(history_weight, pixel, 0).r;
+                float counted = frame.origin.w > 1.0 ? WEIGHT_BEFORE : texelFetch(history_weight, pixel, 0).r;
                 weight = share > 0.0 ? counted + drawn.weight : counted;
                 share = share > 0.0 ? drawn.weight / weight : 0.0;
 #endif

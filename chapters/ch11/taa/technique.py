@@ -63,7 +63,7 @@ class TaaTechnique(Technique):
             "jitter_px": self._jitter,
             "previous_jitter_px": before,
             "history_share": share,
-            "averaging": shares.averaging,
+            "averaging": 2 if shares.begins else int(shares.averaging),
             **({"aspect": frame.picture[0] / frame.picture[1]} if self._scaled else {}),
         }
 
