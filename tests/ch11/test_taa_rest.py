@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from chapters.ch11.settings import Settings
+from chapters.ch11.taa import model
 from common.reports.sequences import flicker_between
 from common.scene import Material
 from tests.support.taa import FULL, VIEW, court
@@ -80,6 +82,50 @@ def test_an_edited_view_at_rest_is_that_of_a_renderer_opened_anew(chapter, edits
     alone = pictures(chapter, scene, **KNOBS[knobs])[-1]
     assert np.abs(edited - alone).max() <= 1
     assert edits is appears or np.abs(first - alone).max() > 50, "the edit is seen"
+
+
+@pytest.mark.parametrize("mode", ["histogram", "mips"])
+def test_frames_are_averaged_while_the_exposure_adapts(chapter, mode):
+    """Light divided by the exposure is that of a renderer opened anew, although the exposure changed in each frame."""
+    scene = bright()
+
+    def opened(**more):
+        settings = Settings(**{**FULL, "jitter_period": 4, "exposure": mode, **more})
+        return chapter.open(scene, SIZE, settings, outputs={"color", "color_linear"})
+
+    with opened() as renderer:
+        renderer.render(VIEW)
+        lamp = scene.lights[0]
+        with scene.edit() as edit:
+            edit.set_light(0, replace(lamp, intensity=40.0 * lamp.intensity))
+        codes, resting = [], 0
+        while not renderer.techniques["taa"].resting(len(codes) / 60):
+            frame = renderer.render(VIEW, (len(codes) + 1) / 60)
+            codes.append(frame.image("color").astype(np.float64).mean())
+            resting += renderer.techniques["hdr"].resting((len(codes) + 1) / 60)
+        assert frame.work["taa_averaging"] == 1 and resting == 0, "the exposure is still on its way"
+        assert abs(codes[-1] - codes[2]) > 10, "and changes the picture"
+        found = frame.image("color_linear").astype(np.float64)
+        time = (len(codes) + 1) / 60
+        assert not renderer.idle(VIEW, time)
+        while not renderer.idle(VIEW, time):
+            assert time < 60
+            last = renderer.render(VIEW, time)
+            time += 0.5
+        kept = last.image("color_linear").astype(np.float64)
+        assert abs(last.image("color").mean() - codes[-1]) > 1, "the exposure went on"
+    with opened(exposure="view") as renderer:
+        while not renderer.idle(VIEW):
+            alone = renderer.render(VIEW)
+        alone = alone.image("color_linear").astype(np.float64)
+    assert np.abs(found - alone).max() < 2 * model.RESIDUE * alone.max()
+    assert np.abs(kept - found).max() < 1e-4 * found.max()
+
+
+@pytest.mark.parametrize("more", [{"taa_format": "rgba16f"}, {"rate_policy": "sobel"}, {"taa": "off"}])
+def test_what_cannot_follow_an_exposure_waits_for_it(more):
+    values = {"taa": "full", **more}
+    assert not model.averages_exposed(Settings(**values)) and model.averages_exposed(Settings(taa="full"))
 
 
 def test_no_jump_is_seen_where_a_mean_begins(chapter):

@@ -47,6 +47,19 @@ def averages(settings: Settings) -> bool:
     return settings.taa.taa == "full" and settings.taa.taa_average
 
 
+def averages_exposed(settings: Settings) -> bool:
+    """Whether frames are averaged while the exposure adapts: the history is multiplied by the ratio of exposures.
+
+    A history of halves would lose small steps of exposure, and rates by a Sobel filter depend on it.
+    """
+    return (
+        in_use(settings)
+        and averages(settings)
+        and settings.taa.taa_format == "rgba32f"
+        and settings.rates.rate_policy != "sobel"
+    )
+
+
 def scale_defines(settings: Settings, period: int) -> Defines:
     """Return the defines of resolve.comp for a picture with more pixels than are drawn; `period` is that of the jitter.
 
