@@ -102,7 +102,8 @@ def users_before(memory: Memory) -> dict[str, list[str]]:
     users = _users(memory, {name: place.size for name, place in memory.places.items()})
     if any(place.padding for place in memory.places.values()):
         texels = {name: place.size - place.padding for name, place in memory.places.items()}
-        users = {name: sorted({*users[name], *found}) for name, found in _users(memory, texels).items()}
+        of_texels = _users(memory, texels)
+        users = {name: sorted({*users[name], *of_texels[name]}) for name in users}
     return users
 
 
