@@ -14,8 +14,10 @@ from chapters.ch11.settings import Settings
 from chapters.ch11.taa import model
 from chapters.ch11.taa.jitter import SEQUENCES, offsets
 from common import layouts
+from common.numerics.transforms import pose_looking_at
 from common.scene import Material
 from common.settings import replaced
+from common.view.camera import View
 from tests.support.taa import (
     EVEN,
     FULL,
@@ -275,6 +277,22 @@ def test_transparent_surfaces_take_from_the_history(chapter, graph):
     # A pixel may have three layers in one of the frames.
     assert changed.sum() > 10 and (apart[changed] < 1e-3 * now.max()).mean() > 0.8
     assert (np.abs(reactive - kept).max(axis=-1)[changed] > 1e-3 * now.max()).mean() > 0.5
+
+
+@pytest.mark.feature("taa/velocity-selection")
+def test_inside_of_a_surface_a_pixel_follows_its_own_vector(chapter):
+    """The camera comes closer to the ground, so neighbours have other vectors, and all of them are the ground."""
+    views = [
+        View(pose_looking_at((2.2, 1.6 - 0.1 * n, 2.0), (1.6, 0.0, 1.5)), VIEW.projection) for n in range(3)
+    ]
+    shown = {}
+    for name in ("own", "closest", "longest"):
+        with opened(chapter, Settings(**FULL), court(), "instance_id", taa_velocity=name) as renderer:
+            frames = [renderer.render(view) for view in views]
+            assert len(np.unique(frames[-1].image("instance_id"))) == 1, "another surface is in view"
+            shown[name] = light(frames[-1])
+    assert np.array_equal(shown["closest"], shown["own"])
+    assert not np.array_equal(shown["longest"], shown["own"])
 
 
 # --- what jitter must not touch ---
