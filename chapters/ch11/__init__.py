@@ -143,7 +143,7 @@ LESSON = Lesson(
         "hdr/bins.glsl": "bounds steps of bins for enlarged pictures",
         "hdr/histogram.comp": "bounds steps of bins for enlarged pictures",
         "hdr/model.py": "bounds steps of bins for enlarged pictures",
-        "hdr/technique.py": "counts the pixels of the picture",
+        "hdr/technique.py": "counts the picture's pixels; settles last",
         "meshlets/objects.mesh": "writes motion of vertices",
         "post/circle_of_confusion.frag": "measures in rows of the picture",
         "post/depth_of_field.frag": "measures in rows of the picture",
