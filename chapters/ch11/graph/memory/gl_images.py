@@ -45,12 +45,14 @@ def sharing(graph: Graph, alias: bool = True) -> dict[str, str]:
 
 
 class GraphImages(ImagesInSlots[Image, Buffer]):
-    """The images and buffers of a graph."""
+    """The images and buffers of a graph; its histories may be those of a `lender`."""
 
     kind = Image
 
-    def __init__(self, context: Context, graph: Graph, alias: bool = True) -> None:
-        self._context = context
+    def __init__(
+        self, context: Context, graph: Graph, alias: bool = True, lender: GraphImages | None = None
+    ) -> None:
+        self._context, self.graph, self._lender = context, graph, lender
         self._objects: list[Image | Buffer] = []
         self.in_slot: list[dict[str, Image | Buffer]] = [{} for _ in range(SLOTS)]
         self._owner = sharing(graph, alias)
@@ -73,7 +75,9 @@ class GraphImages(ImagesInSlots[Image, Buffer]):
         if resource.life == "external" or self._owner.get(name, name) != name:
             return
         if resource.life == "history":
-            pair = [self._create(resource, f"{name}, parity {parity}") for parity in range(SLOTS)]
+            pair = self.borrow(resource, self._lender)
+            if not pair:
+                pair = [self._create(resource, f"{name}, parity {parity}") for parity in range(SLOTS)]
             for slot, resources in enumerate(self.in_slot):
                 resources[name], resources[name + PREVIOUS] = pair[slot], pair[1 - slot]
             return

@@ -87,14 +87,19 @@ class GraphMemory:
 
 
 class GraphImages(ImagesInSlots[Image, Buffer]):
-    """The images and buffers of a graph."""
+    """The images and buffers of a graph; its histories may be those of a `lender`."""
 
     kind = Image
 
     def __init__(
-        self, device: Device, graph: Graph, memory: GraphMemory, externals: Mapping[str, Image | Buffer]
+        self,
+        device: Device,
+        graph: Graph,
+        memory: GraphMemory,
+        externals: Mapping[str, Image | Buffer],
+        lender: GraphImages | None = None,
     ) -> None:
-        self._device, self._memory = device, memory
+        self._device, self._memory, self.graph, self._lender = device, memory, graph, lender
         self._heaps: list[Allocation] = []
         self._objects: list[Image | Buffer] = []
         self.in_slot: list[dict[str, Image | Buffer]] = [dict(externals) for _ in range(SLOTS)]
@@ -123,7 +128,9 @@ class GraphImages(ImagesInSlots[Image, Buffer]):
         if resource.life == "external":
             return
         if resource.life == "history":
-            pair = [self._create(resource, f"{name}, parity {parity}", None) for parity in range(SLOTS)]
+            pair = self.borrow(resource, self._lender)
+            if not pair:
+                pair = [self._create(resource, f"{name}, parity {parity}", None) for parity in range(SLOTS)]
             for slot, resources in enumerate(self.in_slot):
                 resources[name], resources[name + PREVIOUS] = pair[slot], pair[1 - slot]
             return

@@ -1,0 +1,268 @@
+"""The study's renderer on either API: the chapter's frame, prepared at eight scales that share the histories.
+
+A prepared frame is a compiled graph with its images, its descriptor sets and its recordings. `choose` parks the one that
+was drawn and takes another one. The next frame continues the histories: they belong to the stream of frames, and their
+images are lent from one executor to the next. Scene, shadow maps, fog and exposure do not depend on the scale.
+
+`choose` waits for the frames in flight, as a change of the graph does. It makes the images of a scale at its first visit.
+Pipelines of all scales are made when the renderer opens. What invalidates recordings, such as an edit of materials or
+another size, drops all prepared frames but the one that is drawn.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from backends.contract import Pass, check_arguments
+from common.errors import SettingError, StaleFrameError
+from common.scene import Scene
+from common.settings import replaced
+
+from ...frames.frame import OUTPUTS
+from ...graph.types import Graph
+from ...pipelines.description import Built, Described
+from ...renderer import Renderer as ChapterRenderer
+from ...shading.objects import ObjectsPass
+from ...shading.views import PICTURE
+from ...shadows.passes import ShadowsPass
+from ...visibility.resolve import ResolveSurfacesPass
+from . import Settings
+from .controller import SCALES, Controller, check_number
+from .loads import frame_ms as formula
+
+ALL_PIXELS = 1.0 - 2.0**-20
+"""`taa_scale` of a frame that draws all pixels of the picture and weights its samples as the other scales do."""
+
+NO_BIAS = -math.log2(SCALES[0])
+"""`mip_bias` with which the shaders of the scene have none at the smallest scale: each pipeline gets its own."""
+
+
+@dataclass
+class Prepared:
+    """A frame that is ready to be drawn; `parts` are members of the backend."""
+
+    graph: Graph
+    nodes: Any
+    recordings: Any
+    parts: dict[str, Any]
+
+
+class BiasedPipelines:
+    """Pipelines of the renderer whose shaders add `level` to the level of textures."""
+
+    def __init__(self, pipelines: Any, level: float) -> None:
+        self._pipelines, self._defines = pipelines, (("MIP_BIAS", level),) * (level != 0.0)
+
+    def get(self, descriptions: Sequence[Described]) -> list[Built]:
+        """Return one pipeline per description."""
+        built: list[Built] = self._pipelines.get(
+            [replace(it, defines=(*it.defines, *self._defines)) for it in descriptions]
+        )
+        return built
+
+
+def check(settings: Settings) -> None:
+    """Raise SettingError for settings with which a frame has buffers that follow its scale or its recordings."""
+    refused = {
+        f"view={settings.shading.view}": settings.shading.view != PICTURE,
+        f"transparency={settings.transparency.mode}": settings.transparency.mode != "sorted",
+        "fog_half=true": settings.fog.fog_half,
+        f"recording_threads={settings.frames.recording_threads}": settings.frames.recording_threads > 0,
+        f"rate_policy={settings.rates.rate_policy}": settings.rates.rate_policy != "none",
+    }
+    wrong = next((text for text, applies in refused.items() if applies), "")
+    if wrong:
+        raise SettingError(
+            f"The study dynamic-resolution keeps eight frames ready, and {wrong} has room for one: leave it out."
+        )
+
+
+class Scaled(ChapterRenderer):
+    """Draws what the chapter draws, at one of eight scales that `choose` or `pace` set between two frames."""
+
+    PARTS: tuple[str, ...] = ("executor", "copies", "inspection", "_passes")
+    """Members of the backend that belong to a prepared frame."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        size: tuple[int, int] = (640, 360),
+        settings: Settings | None = None,
+        without: Iterable[str] = (),
+        outputs: Collection[str] = ("color",),
+        **more: Any,
+    ) -> None:
+        settings, outputs = check_arguments(scene, settings, Settings, outputs, OUTPUTS)
+        check(settings)
+        self._number, self._bias = settings.scaling.first_scale, settings.taa.mip_bias
+        self._controller = Controller(settings.scaling.target_ms, self._number)
+        self._paced = self._visits = 0
+        self._prepared: dict[int, Prepared] = {}
+        self._variants: list[dict[Pass, dict[str, Any]]] = []
+        self._valid_until = 0
+        # The period of jitter and the weights of a history are those of the smallest scale, whichever is drawn.
+        opened = replaced(settings, taa_scale=SCALES[0], mip_bias=NO_BIAS)
+        super().__init__(scene, size, opened, without, outputs, **more)
+        self.settings = replaced(self.settings, mip_bias=self._bias)
+
+    # --- what a window calls between two frames ---
+
+    @property
+    def number(self) -> int:
+        """The number of the scale of the next frame."""
+        return self._number
+
+    def pace(self, frame_ms: float) -> None:
+        """Take the time that a finished frame took on the GPU, and choose the scale of the next frame."""
+        scaling = self.settings.scaling
+        if scaling.load != "measured":
+            frame_ms = formula(scaling.load, self._paced, SCALES[self._number], scaling.target_ms)
+        self._paced += 1
+        self.choose(self._controller.next(frame_ms))
+
+    def choose(self, number: int) -> None:
+        """Draw at scale `number` from the next frame on; histories continue. Raises UserError for another number.
+
+        Waits for the frames in flight; their images can no longer be read.
+        """
+        check_number(number)
+        if self._closed:
+            raise StaleFrameError("This renderer was closed and renders no more: open another one.")
+        if number == self._number:
+            return
+        api, before = self._api, self._number
+        api.enter()
+        self._let_go("the scale has changed since")
+        if self._frames.forgotten != self._valid_until:
+            self._drop()
+        self._prepared[before] = self._park(self._prepared.get(number))
+        self._use(number)
+        prepared = self._prepared.pop(number, None)
+        if prepared is None:
+            try:
+                self._prepare(self._prepared[before])
+            except BaseException:  # the device has no memory for it
+                self._use(before)
+                self._frames.discard(self._frames.exchange(self._prepared[before].recordings))
+                self._resume(self._prepared.pop(before))
+                raise
+        else:
+            self._resume(prepared)
+        self._visits += prepared is None
+        self._valid_until = self._frames.forgotten
+
+    # --- prepared frames ---
+
+    def _park(self, other: Prepared | None) -> Prepared:
+        """Return the frame that is drawn, and go on with the recordings of another one, or with none."""
+        recordings = self._frames.exchange(other.recordings if other else None)
+        parts = {name: getattr(self._api, name) for name in self.PARTS}
+        return Prepared(self.graph, self._plan.nodes, recordings, parts)
+
+    def _resume(self, prepared: Prepared) -> None:
+        """Draw a prepared frame from now on."""
+        for name, part in prepared.parts.items():
+            setattr(self._api, name, part)
+        self.graph, self._plan.nodes = prepared.graph, prepared.nodes
+        self.graph_work = self.graph.counts()
+
+    def _prepare(self, lender: Prepared) -> None:
+        """Make the frame of a scale that was not visited yet, with the histories of another one."""
+        api, steps = self._api, [step.name for step in self.graph.steps]
+        graph = self._compiled()
+        assert sorted(step.name for step in graph.steps) == sorted(steps), "a scale changes sizes alone"
+        copies = type(api.copies)(self.device)
+        copies.also = api.copies.also
+        api.copies = copies
+        self._renew()
+        api.follow(self._plan, graph, self._settings, lender.parts["executor"].images)
+        self.graph, self.graph_work = graph, graph.counts()
+
+    def _renew(self) -> None:
+        """Make what else a prepared frame has of its own."""
+
+    def _drop(self) -> None:
+        """Free all prepared frames but the one that is drawn, which then owns the histories."""
+        self._wait()
+        for prepared in self._prepared.values():
+            executor = prepared.parts["executor"]
+            if self._api.executor is not None:
+                self._api.executor.images.own(executor.images)
+            self._frames.discard(prepared.recordings)
+            for name in ("copies", "inspection", "executor"):
+                prepared.parts[name].close()
+            self._free_renewed(prepared)
+        self._prepared = {}
+
+    def _wait(self) -> None:
+        """Wait until nothing uses images: a window may still copy from one."""
+
+    def _free_renewed(self, prepared: Prepared) -> None:
+        """Free what `_renew` made."""
+
+    # --- what the chapter's renderer calls ---
+
+    def _use(self, number: int) -> None:
+        """Let settings and passes be those of a scale."""
+        self._number = number
+        scale = min(SCALES[number], ALL_PIXELS)
+        self.settings = replaced(self.settings, taa_scale=scale)
+        self._settings = replaced(self._settings, taa_scale=scale)
+        for gpu_pass, variant in self._variants[number].items() if self._variants else ():
+            vars(gpu_pass).update(variant)
+            if isinstance(gpu_pass, ObjectsPass):
+                gpu_pass._seen = -1  # groups of draws hold pipelines
+
+    def _create_passes(self) -> None:
+        """Make the pipelines of all scales, and go on with those of the scale that is drawn."""
+        maps = [it for it in self.passes if isinstance(it, ShadowsPass)]
+        textured = [it for it in self.passes if isinstance(it, ObjectsPass | ResolveSurfacesPass)]
+        textured = [it for it in textured if it not in maps]
+        self._variants = []
+        for scale in SCALES:
+            pipelines: Any = BiasedPipelines(self._parts.pipelines, self._bias + math.log2(scale))
+            self._variants.append({it: _created(it, pipelines) for it in textured})
+        for shadows in maps:  # maps do not follow the scale
+            _created(shadows, BiasedPipelines(self._parts.pipelines, self._bias))
+        for gpu_pass in (it for it in self.passes if it not in [*textured, *maps]):
+            gpu_pass.create()
+        self._use(self._number)
+        self._api.make_sets(self.passes)
+
+    def _create_targets(self) -> None:
+        self._drop()  # those of another size
+        self._use(self._number)
+        super()._create_targets()
+        self._valid_until = self._frames.forgotten
+
+    def _rebuild(self) -> None:
+        super()._rebuild()
+        self._drop()
+        self._valid_until = self._frames.forgotten
+
+    def _object_counts(self) -> dict[str, int]:
+        own = {
+            "scale_number": self._number,
+            "scale_percent": round(100 * SCALES[self._number]),
+            "scales_prepared": len(self._prepared) + 1,
+            "scales_made": self._visits + 1,
+            "scale_changes": self._controller.changes,
+        }
+        return super()._object_counts() | own
+
+    def _free(self) -> None:
+        if hasattr(self._api, "frames"):
+            self._drop()
+        super()._free()
+
+
+def _created(gpu_pass: Pass, pipelines: Any) -> dict[str, Any]:
+    """Create a pass with pipelines, and return the members that `create` has set."""
+    members = vars(gpu_pass)
+    before = {**members}
+    members["_pipelines"] = pipelines
+    gpu_pass.create()
+    return {name: value for name, value in members.items() if before.get(name, members) is not value}
