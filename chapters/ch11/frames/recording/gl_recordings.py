@@ -101,7 +101,10 @@ class Recordings(Frames):
 
     def exchange(self, parked: Any = None) -> Any:
         """Return the recordings of the graph, and go on with those of another one, or with none; no frame in flight."""
-        kept, self.slots = self.slots, parked or [RecordedSlot(self._context, index) for index in range(SLOTS)]
+        kept, self.slots = (
+            self.slots,
+            parked or [RecordedSlot(self._context, index) for index in range(SLOTS)],
+        )
         return kept
 
     def discard(self, parked: Any) -> None:

@@ -1,20 +1,21 @@
 """Study: dynamic resolution. A controller holds a frame time by drawing fewer or more pixels, and the history stays.
 
-With `taa_scale` the chapter draws a part of the picture's pixels, and a history of the picture's size fills the rest. So
-the part may differ from frame to frame: the history does not know of it. A sample has a weight by its distance to the
-pixel, wherever and at whichever scale it was drawn, and the mean is that of all samples.
+With `taa_scale` the chapter draws a part of the picture's pixels, and a history of the picture's size fills the rest.
+So the part may differ from frame to frame: the history does not depend on it. A sample has a weight by its distance to
+the pixel, at whichever scale it was drawn, and the mean is that of all samples.
 
-Eight scales, from half of the sides to all of them, cost 1.22 times as much from one to the next. Each has a frame graph,
-images and recordings of its own, made at the first visit ([`renderer.py`](renderer.py)). What has the size of the picture
-in the history is there once, and all eight use it in turn. Textures are looked up at the level of the picture, so what
-samples them has eight pipelines.
+Eight scales, from half of the sides to all of them, cost 1.22 times as much from one to the next. Each has a frame
+graph, images and recordings of its own, made at the first visit ([`renderer.py`](renderer.py)). The history exists
+once, and all eight use it in turn. Pipelines are the same for all: the level of textures, which follows the scale, is
+read from the constants of the frame ([`level.py`](level.py)).
 
-[`controller.py`](controller.py) chooses. It gets the time of each frame and returns a number of a scale. `render` never
-chooses: the same calls give the same pixels. A window calls `pace` between two frames, and so does a recorded path.
+[`controller.py`](controller.py) chooses. It gets the time of each frame and returns the number of a scale. `render`
+never chooses: the same calls give the same pixels. A window calls `pace` between two frames, and so does a recorded
+path. Instead of the measured time, `load` gives one by a formula ([`loads.py`](loads.py)), so that a run is the same
+on every machine.
 
-Instead of the measured time `load` can give one that follows from a formula ([`loads.py`](loads.py)), so that a run is the
-same on every machine. Objects are culled by the GPU into buffers that belong to one graph, so `culling` is off here; with
-other values each change of the scale is recorded anew.
+Culling on the GPU fills buffers that belong to one graph, so `culling` is off here. With other values each change of
+the scale makes them anew, and records again.
 """
 
 from __future__ import annotations
@@ -49,7 +50,10 @@ class ScalingSettings:
         1000 / 60, "time of a frame on the GPU that is held", unit="ms", minimum=0.01, maximum=MOST_MS
     )
     first_scale: int = knob(
-        COUNT - 1, "the scale of the first frame: 0 is half of the sides, 7 is all of them", minimum=0, maximum=7
+        COUNT - 1,
+        "the scale of the first frame: 0 is half of the sides, 7 is all of them",
+        minimum=0,
+        maximum=7,
     )
     load: str = knob(
         "measured",
@@ -72,7 +76,10 @@ class WithoutCulling(CullingSettings):
     """Culling, off."""
 
     mode: str = knob(
-        "off", "tests of objects and meshlets", choices=("off", "frustum", "cone", "occlusion"), flat="culling"
+        "off",
+        "tests of objects and meshlets",
+        choices=("off", "frustum", "cone", "occlusion"),
+        flat="culling",
     )
 
 

@@ -1,8 +1,8 @@
 """The controller of dynamic resolution: from the times of frames to one of eight scales. It knows no graphics API.
 
-The model: a frame at scale s costs a s^2, since shading dominates. From m ms at scale s follow m (t / s)^2 ms at scale t.
-A part that does not depend on the scale makes the true cost of a larger scale smaller, and that of a smaller one larger:
-a step up is never too bold, and a step down may be followed by another one.
+The model: a frame at scale s costs a s^2, since shading dominates. From m ms at scale s follow m (t / s)^2 ms at scale
+t. A part that does not depend on the scale makes the true cost of a larger scale smaller, and that of a smaller one
+larger: a step up never exceeds the target, and a step down may be followed by another one.
 
 The rule, with the median m of the last WINDOW frames since a change:
 
@@ -10,8 +10,8 @@ The rule, with the median m of the last WINDOW frames since a change:
     a larger scale costs at most
     ROOM of the target                 up, to the largest of these
 
-Between both lies a band in which nothing happens. Neighbouring scales cost 1.22 times as much, so the band from 0.66 to 1
-of the target holds a constant load, and what landed by either rule is inside of it.
+Between both lies a band in which nothing changes. Neighbouring scales differ in cost by a factor of 1.22, so a scale that
+costs 0.66 to 1 of the target stays, and both rules lead into that band.
 
 After each change LATE frames are left out, which the GPU had begun before, and then WINDOW frames are awaited. A median
 does not follow single frames, such as those in which a driver compiles.
@@ -57,7 +57,7 @@ class Controller:
     def __init__(self, target_ms: float, number: int = COUNT - 1) -> None:
         if not (math.isfinite(target_ms) and 0.0 < target_ms <= MOST_MS):
             raise SettingError(
-                f"target_ms={target_ms:g} is no time that a frame can take: it must be above 0 and at most {MOST_MS:g} ms."
+                f"target_ms={target_ms:g} is no time of a frame: give milliseconds above 0, at most {MOST_MS:g}."
             )
         self.target_ms, self.number = target_ms, check_number(number)
         self.changes = 0

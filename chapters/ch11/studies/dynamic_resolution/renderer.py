@@ -1,43 +1,40 @@
 """The study's renderer on either API: the chapter's frame, prepared at eight scales that share the histories.
 
-A prepared frame is a compiled graph with its images, its descriptor sets and its recordings. `choose` parks the one that
-was drawn and takes another one. The next frame continues the histories: they belong to the stream of frames, and their
-images are lent from one executor to the next. Scene, shadow maps, fog and exposure do not depend on the scale.
+A prepared frame is a compiled graph with its images, its descriptor sets and its recordings. `choose` parks the current
+one and takes another one. The next frame continues the histories: they belong to the stream of frames, and their images
+are lent from one executor to the next. Scene, pipelines, shadow maps, fog and exposure exist once for all scales.
 
-`choose` waits for the frames in flight, as a change of the graph does. It makes the images of a scale at its first visit.
-Pipelines of all scales are made when the renderer opens. What invalidates recordings, such as an edit of materials or
-another size, drops all prepared frames but the one that is drawn.
+`choose` waits for the frames in flight, as a change of the graph does. It makes the images of a scale at its first
+visit. What invalidates recordings, such as an edit of materials or another size, drops all prepared frames but the
+current one.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass
 from typing import Any
 
-from backends.contract import Pass, check_arguments
+from backends.contract import check_arguments
 from common.errors import SettingError, StaleFrameError
 from common.scene import Scene
 from common.settings import replaced
 
 from ...frames.frame import OUTPUTS
 from ...graph.types import Graph
-from ...pipelines.description import Built, Described
 from ...renderer import Renderer as ChapterRenderer
-from ...shading.objects import ObjectsPass
 from ...shading.views import PICTURE
-from ...shadows.passes import ShadowsPass
-from ...visibility.resolve import ResolveSurfacesPass
 from . import Settings
 from .controller import SCALES, Controller, check_number
+from .level import LevelTechnique, level_at
 from .loads import frame_ms as formula
 
 ALL_PIXELS = 1.0 - 2.0**-20
 """`taa_scale` of a frame that draws all pixels of the picture and weights its samples as the other scales do."""
 
 NO_BIAS = -math.log2(SCALES[0])
-"""`mip_bias` with which the shaders of the scene have none at the smallest scale: each pipeline gets its own."""
+"""`mip_bias` with which the chapter adds nothing to levels at the smallest scale: `level.py` does that."""
 
 
 @dataclass
@@ -50,20 +47,6 @@ class Prepared:
     parts: dict[str, Any]
 
 
-class BiasedPipelines:
-    """Pipelines of the renderer whose shaders add `level` to the level of textures."""
-
-    def __init__(self, pipelines: Any, level: float) -> None:
-        self._pipelines, self._defines = pipelines, (("MIP_BIAS", level),) * (level != 0.0)
-
-    def get(self, descriptions: Sequence[Described]) -> list[Built]:
-        """Return one pipeline per description."""
-        built: list[Built] = self._pipelines.get(
-            [replace(it, defines=(*it.defines, *self._defines)) for it in descriptions]
-        )
-        return built
-
-
 def check(settings: Settings) -> None:
     """Raise SettingError for settings with which a frame has buffers that follow its scale or its recordings."""
     refused = {
@@ -71,6 +54,7 @@ def check(settings: Settings) -> None:
         f"transparency={settings.transparency.mode}": settings.transparency.mode != "sorted",
         "fog_half=true": settings.fog.fog_half,
         f"recording_threads={settings.frames.recording_threads}": settings.frames.recording_threads > 0,
+        f"surfaces={settings.visibility.surfaces}": settings.visibility.surfaces != "gbuffer",
         f"rate_policy={settings.rates.rate_policy}": settings.rates.rate_policy != "none",
     }
     wrong = next((text for text, applies in refused.items() if applies), "")
@@ -83,6 +67,7 @@ def check(settings: Settings) -> None:
 class Scaled(ChapterRenderer):
     """Draws what the chapter draws, at one of eight scales that `choose` or `pace` set between two frames."""
 
+    TECHNIQUES = (*ChapterRenderer.TECHNIQUES, LevelTechnique)
     PARTS: tuple[str, ...] = ("executor", "copies", "inspection", "_passes")
     """Members of the backend that belong to a prepared frame."""
 
@@ -101,7 +86,6 @@ class Scaled(ChapterRenderer):
         self._controller = Controller(settings.scaling.target_ms, self._number)
         self._paced = self._visits = 0
         self._prepared: dict[int, Prepared] = {}
-        self._variants: list[dict[Pass, dict[str, Any]]] = []
         self._valid_until = 0
         # The period of jitter and the weights of a history are those of the smallest scale, whichever is drawn.
         opened = replaced(settings, taa_scale=SCALES[0], mip_bias=NO_BIAS)
@@ -206,31 +190,22 @@ class Scaled(ChapterRenderer):
     # --- what the chapter's renderer calls ---
 
     def _use(self, number: int) -> None:
-        """Let settings and passes be those of a scale."""
+        """Let settings be those of a scale."""
         self._number = number
         scale = min(SCALES[number], ALL_PIXELS)
         self.settings = replaced(self.settings, taa_scale=scale)
         self._settings = replaced(self._settings, taa_scale=scale)
-        for gpu_pass, variant in self._variants[number].items() if self._variants else ():
-            vars(gpu_pass).update(variant)
-            if isinstance(gpu_pass, ObjectsPass):
-                gpu_pass._seen = -1  # groups of draws hold pipelines
+        self._level.level = level_at(self._bias, SCALES[number])
 
-    def _create_passes(self) -> None:
-        """Make the pipelines of all scales, and go on with those of the scale that is drawn."""
-        maps = [it for it in self.passes if isinstance(it, ShadowsPass)]
-        textured = [it for it in self.passes if isinstance(it, ObjectsPass | ResolveSurfacesPass)]
-        textured = [it for it in textured if it not in maps]
-        self._variants = []
-        for scale in SCALES:
-            pipelines: Any = BiasedPipelines(self._parts.pipelines, self._bias + math.log2(scale))
-            self._variants.append({it: _created(it, pipelines) for it in textured})
-        for shadows in maps:  # maps do not follow the scale
-            _created(shadows, BiasedPipelines(self._parts.pipelines, self._bias))
-        for gpu_pass in (it for it in self.passes if it not in [*textured, *maps]):
-            gpu_pass.create()
-        self._use(self._number)
-        self._api.make_sets(self.passes)
+    @property
+    def _level(self) -> LevelTechnique:
+        technique = self.techniques[LevelTechnique.name]
+        assert isinstance(technique, LevelTechnique)
+        return technique
+
+    def _create(self) -> None:
+        self._level.level = self._bias  # that of shadow maps, which are not drawn at a scale
+        super()._create()
 
     def _create_targets(self) -> None:
         self._drop()  # those of another size
@@ -257,12 +232,3 @@ class Scaled(ChapterRenderer):
         if hasattr(self._api, "frames"):
             self._drop()
         super()._free()
-
-
-def _created(gpu_pass: Pass, pipelines: Any) -> dict[str, Any]:
-    """Create a pass with pipelines, and return the members that `create` has set."""
-    members = vars(gpu_pass)
-    before = {**members}
-    members["_pipelines"] = pipelines
-    gpu_pass.create()
-    return {name: value for name, value in members.items() if before.get(name, members) is not value}
