@@ -1,4 +1,4 @@
-"""Frames in a row, as a window and a recorded path draw them: a renderer that paces itself is told how long they take."""
+"""Frames in a row, as a window and a recorded path draw them, and their times for a renderer that follows these."""
 
 from __future__ import annotations
 

@@ -10,8 +10,8 @@ The rule, with the median m of the last WINDOW frames since a change:
     a larger scale costs at most
     ROOM of the target                 up, to the largest of these
 
-Between both lies a band in which nothing changes. Neighbouring scales differ in cost by a factor of 1.22, so a scale that
-costs 0.66 to 1 of the target stays, and both rules lead into that band.
+Between both lies a band in which nothing changes. Neighbouring scales differ in cost by a factor of 1.22, so a scale
+that costs 0.66 to 1 of the target stays, and both rules lead into that band.
 
 After each change LATE frames are left out, which the GPU had begun before, and then WINDOW frames are awaited. A median
 does not follow single frames, such as those in which a driver compiles.
@@ -35,8 +35,8 @@ ROOM = 0.8
 LANDING = 0.95
 """Part of the target that a smaller scale may cost."""
 
-WINDOW = 24
-"""Frames whose median decides."""
+WINDOW = 23
+"""Frames whose median decides: an odd number, so that it is one of their times and no mean of two loads."""
 
 LATE = 3
 """Frames after a change whose times are those of frames before it."""
@@ -60,8 +60,6 @@ class Controller:
                 f"target_ms={target_ms:g} is no time of a frame: give milliseconds above 0, at most {MOST_MS:g}."
             )
         self.target_ms, self.number = target_ms, check_number(number)
-        self.changes = 0
-        """How often the scale has changed."""
         self._late = 0
         self._times: deque[float] = deque(maxlen=WINDOW)
 
@@ -77,12 +75,14 @@ class Controller:
             return self.number
         self._times.append(frame_ms)
         if len(self._times) == WINDOW:
-            number = self._chosen(median(self._times))
-            if number != self.number:
-                self.number, self._late = number, LATE
-                self.changes += 1
-                self._times.clear()
+            self.go_on(self._chosen(median(self._times)))
         return self.number
+
+    def go_on(self, number: int) -> None:
+        """Go on from another scale, whatever the reason for the change."""
+        if number != self.number:
+            self.number, self._late = check_number(number), LATE
+            self._times.clear()
 
     def _chosen(self, ms: float) -> int:
         costs = [ms * (scale / SCALES[self.number]) ** 2 for scale in SCALES]

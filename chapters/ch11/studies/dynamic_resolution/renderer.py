@@ -84,7 +84,7 @@ class Scaled(ChapterRenderer):
         check(settings)
         self._number, self._bias = settings.scaling.first_scale, settings.taa.mip_bias
         self._controller = Controller(settings.scaling.target_ms, self._number)
-        self._paced = self._visits = 0
+        self._paced = self._made = self._changes = 0
         self._prepared: dict[int, Prepared] = {}
         self._valid_until = 0
         # The period of jitter and the weights of a history are those of the smallest scale, whichever is drawn.
@@ -117,25 +117,26 @@ class Scaled(ChapterRenderer):
             raise StaleFrameError("This renderer was closed and renders no more: open another one.")
         if number == self._number:
             return
-        api, before = self._api, self._number
-        api.enter()
+        self._api.enter()
         self._let_go("the scale has changed since")
         if self._frames.forgotten != self._valid_until:
             self._drop()
-        self._prepared[before] = self._park(self._prepared.get(number))
+        before, prepared = self._number, self._prepared.pop(number, None)
+        parked = self._park(prepared)
         self._use(number)
-        prepared = self._prepared.pop(number, None)
-        if prepared is None:
+        if prepared is not None:
+            self._resume(prepared)
+        else:
             try:
-                self._prepare(self._prepared[before])
+                self._prepare(parked)
             except BaseException:  # the device has no memory for it
                 self._use(before)
-                self._frames.discard(self._frames.exchange(self._prepared[before].recordings))
-                self._resume(self._prepared.pop(before))
+                self._undo(parked)
                 raise
-        else:
-            self._resume(prepared)
-        self._visits += prepared is None
+            self._made += 1
+        self._prepared[before] = parked
+        self._changes += 1
+        self._controller.go_on(number)
         self._valid_until = self._frames.forgotten
 
     # --- prepared frames ---
@@ -165,16 +166,24 @@ class Scaled(ChapterRenderer):
         api.follow(self._plan, graph, self._settings, lender.parts["executor"].images)
         self.graph, self.graph_work = graph, graph.counts()
 
+    def _undo(self, parked: Prepared) -> None:
+        """Free what a failed `_prepare` has made, and draw a parked frame again."""
+        failed = self._park(parked)
+        failed.parts["copies"].close()
+        self._free_renewed(failed)
+        self._frames.discard(failed.recordings)
+        self._resume(parked)
+
     def _renew(self) -> None:
         """Make what else a prepared frame has of its own."""
 
-    def _drop(self) -> None:
-        """Free all prepared frames but the one that is drawn, which then owns the histories."""
-        self._wait()
+    def _drop(self, with_histories: bool = False) -> None:
+        """Free all prepared frames but the current one, which then owns the histories, unless they are freed, too."""
+        if self._prepared:
+            self._wait()
         for prepared in self._prepared.values():
-            executor = prepared.parts["executor"]
-            if self._api.executor is not None:
-                self._api.executor.images.own(executor.images)
+            if not with_histories:
+                self._api.executor.images.own(prepared.parts["executor"].images)
             self._frames.discard(prepared.recordings)
             for name in ("copies", "inspection", "executor"):
                 prepared.parts[name].close()
@@ -208,7 +217,7 @@ class Scaled(ChapterRenderer):
         super()._create()
 
     def _create_targets(self) -> None:
-        self._drop()  # those of another size
+        self._drop(with_histories=True)  # those of another size
         self._use(self._number)
         super()._create_targets()
         self._valid_until = self._frames.forgotten
@@ -223,12 +232,11 @@ class Scaled(ChapterRenderer):
             "scale_number": self._number,
             "scale_percent": round(100 * SCALES[self._number]),
             "scales_prepared": len(self._prepared) + 1,
-            "scales_made": self._visits + 1,
-            "scale_changes": self._controller.changes,
+            "scales_made": self._made + 1,
+            "scale_changes": self._changes,
         }
         return super()._object_counts() | own
 
     def _free(self) -> None:
-        if hasattr(self._api, "frames"):
-            self._drop()
+        self._drop()
         super()._free()
