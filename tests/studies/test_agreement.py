@@ -13,7 +13,7 @@ from common.paths import ROOT
 from tests.support.drivers import needs_feature
 from tests.support.gl_functions import assert_silent
 
-WITH_STUDIES = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10)
+WITH_STUDIES = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11)
 ALL = tuple(f"{number}/{name}" for number in WITH_STUDIES for name in studies.available(number))
 ONE_BACKEND = {
     "4/barriers": ("vulkan",),

@@ -127,7 +127,13 @@ def test_a_scale_that_stays_draws_the_picture_of_the_chapter(stage, number, grap
         found = [light(renderer.render(VIEW)) for _ in range(3)]
     settings = ChapterSettings(**{**turned, "taa_scale": SCALES[number]})
     with chapters.open(
-        11, stage.backend, scene=scene, size=SIZE, settings=settings, outputs={"color_linear"}, device=stage.device
+        11,
+        stage.backend,
+        scene=scene,
+        size=SIZE,
+        settings=settings,
+        outputs={"color_linear"},
+        device=stage.device,
     ) as renderer:
         renderer.wait_loaded()
         truth = [light(renderer.render(VIEW)) for _ in range(3)]
@@ -236,7 +242,11 @@ def test_what_invalidates_recordings_drops_prepared_frames_and_keeps_the_history
         histories = _histories(renderer)
         renderer.choose(0)
         frame = renderer.render(VIEW)
-        assert (frame.work["recorded"], frame.work["scales_prepared"], frame.work["history_resets"]) == (1, 2, 0)
+        assert (frame.work["recorded"], frame.work["scales_prepared"], frame.work["history_resets"]) == (
+            1,
+            2,
+            0,
+        )
         assert frame.work["taa_frames"] == 5 and _histories(renderer) == histories
 
 
@@ -326,7 +336,15 @@ def test_an_image_of_a_frame_before_a_change_is_gone_and_its_figures_stay(stage,
 
 @pytest.mark.parametrize(
     "asked",
-    ["target_ms=0", "target_ms=nan", "target_ms=-16", "target_ms=inf", "first_scale=8", "load=heavy", "taa=off"],
+    [
+        "target_ms=0",
+        "target_ms=nan",
+        "target_ms=-16",
+        "target_ms=inf",
+        "first_scale=8",
+        "load=heavy",
+        "taa=off",
+    ],
 )
 def test_values_out_of_range_are_refused_in_one_sentence(asked):
     with pytest.raises(SettingError, match=asked.split("=")[0]) as found:

@@ -25,7 +25,7 @@ IN_FLIGHT = 2
 
 
 def run(controller, plant, count, first=0):
-    """Return the number of each frame's scale; `plant(n, scale)` is the time of frame n, known IN_FLIGHT frames later."""
+    """Return the number of each frame's scale; `plant(n, scale)` is frame n's time, known IN_FLIGHT frames later."""
     numbers = []
     for n in range(first, first + count):
         numbers.append(controller.number)
@@ -52,7 +52,7 @@ def test_scales_go_from_half_to_all_in_a_constant_ratio():
 @pytest.mark.parametrize("start", range(COUNT))
 @pytest.mark.parametrize("whole", [0.05, 0.3, 0.79, 0.81, 0.99, 1.01, 1.3, 2.0, 3.5, 4.2, 20.0])
 def test_a_constant_load_is_reached_and_stays(whole, start):
-    """Within one decision: the model is exact. A scale holds the target, if any does, and the next larger one has no room."""
+    """Within one decision: the model is exact. The scale holds the target, if any does; a larger one has no room."""
     numbers = run(Controller(TARGET, start), quadratic(whole), 3000)
     last = numbers[-1]
     assert set(numbers[FOLLOWS + IN_FLIGHT :]) == {last} and changes(numbers) <= 1
@@ -80,7 +80,9 @@ def test_a_step_of_the_load_is_followed(before, after, at):
 
     numbers = run(Controller(TARGET), plant, 600)
     settled = run(Controller(TARGET, numbers[at]), quadratic(after), 600)[-1]
-    within = WINDOW // 2 + 1 if at >= 100 else 2 * FOLLOWS  # where the load before had been reached, by the median
+    within = (
+        WINDOW // 2 + 1 if at >= 100 else 2 * FOLLOWS
+    )  # where the load before had been reached, by the median
     assert {*numbers[at + within + IN_FLIGHT :]} == {numbers[-1]}
     assert after * SCALES[numbers[-1]] ** 2 <= 1.0
     assert numbers[-1] == settled or abs(numbers[-1] - settled) == 1, "within the band"
@@ -128,7 +130,9 @@ def test_after_a_change_late_frames_are_left_out_and_a_window_is_awaited():
     controller = Controller(TARGET)
     for _ in range(WINDOW):
         controller.next(15.0)
-    assert controller.number == 4  # scale 5 costs 15 ms * 2^(-4/7) = 10.1 ms, scale 4 15 ms * 2^(-6/7) = 8.3 ms
+    assert (
+        controller.number == 4
+    )  # scale 5 costs 15 ms * 2^(-4/7) = 10.1 ms, scale 4 15 ms * 2^(-6/7) = 8.3 ms
     for _ in range(LATE):
         controller.next(1e3)
     for _ in range(WINDOW - 1):

@@ -5,7 +5,7 @@ So the part may differ from frame to frame: the history does not depend on it. A
 the pixel, at whichever scale it was drawn, and the mean is that of all samples.
 
 Eight scales, from half of the sides to all of them, cost 1.22 times as much from one to the next. Each has a frame
-graph, images and recordings of its own, made at the first visit ([`renderer.py`](renderer.py)). The history exists
+graph, images and recordings of its own, made at the first visit ([`prepared.py`](prepared.py)). The history exists
 once, and all eight use it in turn. Pipelines are the same for all: the level of textures, which follows the scale, is
 read from the constants of the frame ([`level.py`](level.py)).
 
@@ -36,9 +36,9 @@ from .loads import LOADS
 STUDY = Study(
     title="dynamic resolution",
     idea="The history has the size of the picture, so the number of drawn pixels may follow the time of a frame.",
-    order=1,
+    order=2,
     outputs=OUTPUTS,
-    scene="atrium",
+    scene="cornell",
 )
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from ...frames.vulkan_profiler import Profiler
-from .renderer import Prepared, Scaled
+from .prepared import Prepared
+from .renderer import Scaled
 
 
 class Renderer(Scaled):
