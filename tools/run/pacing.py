@@ -20,11 +20,15 @@ class Pacer:
 
     def __init__(self) -> None:
         self._unread: deque[Frame] = deque()
+        self._renderer: Renderer | None = None
 
     def render(self, renderer: Renderer, view: View, time: float) -> Frame:
         """Return the next frame; no other one is waited for."""
         if not isinstance(renderer, Paced):
             return renderer.render(view, time)
+        if renderer is not self._renderer:  # the frames of another one say nothing about this one
+            self._unread.clear()
+            self._renderer = renderer
         if len(self._unread) >= LATENCY:
             renderer.pace(sum(self._unread.popleft().timings.values()))
         frame = renderer.render(view, time)
