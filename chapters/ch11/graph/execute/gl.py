@@ -39,8 +39,7 @@ class GraphExecutor:
     """A graph with its images, ready to be recorded for each slot. Close it before you open another graph.
 
     `passes` has the passes by the names of the nodes; `sampler` returns samplers; `externals` returns the external
-    images and buffers of each slot; `alias` and `poison` are the settings of these names. Histories may be those of the
-    `lender`.
+    images and buffers of each slot; `alias` and `poison` are the settings of these names, `lender` has the histories.
     """
 
     def __init__(

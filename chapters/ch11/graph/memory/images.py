@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Generic, TypeVar
+from collections.abc import Callable
+from typing import Any, Generic, TypeVar
 
 from ...frames.frame import SLOTS
 from ..types import PREVIOUS, Barrier, Graph, Resource
@@ -35,6 +36,17 @@ class ImagesInSlots(Generic[AnImage, ABuffer]):
         """Return the images of a slot by all of their names in the graph."""
         resources = {name: self.in_slot[slot].get(of) for name, of in graph.names.items()}
         return {name: image for name, image in resources.items() if isinstance(image, self.kind)}
+
+    def _add_history(
+        self, resource: Resource, lender: Any, create: Callable[[Resource, str], AnImage | ABuffer]
+    ) -> None:
+        """Add the two images of a history to the slots: those of the lender, or new ones."""
+        pair = self.borrow(resource, lender)
+        name = resource.name
+        if not pair:
+            pair = [create(resource, f"{name}, parity {parity}") for parity in range(SLOTS)]
+        for slot, resources in enumerate(self.in_slot):
+            resources[name], resources[name + PREVIOUS] = pair[slot], pair[1 - slot]
 
     def borrow(
         self, resource: Resource, lender: ImagesInSlots[AnImage, ABuffer] | None

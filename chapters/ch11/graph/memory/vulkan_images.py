@@ -25,7 +25,7 @@ from backends.vulkan.resources import (
 )
 
 from ...frames.frame import SLOTS
-from ..types import PREVIOUS, Graph, Requirement, Resource
+from ..types import Graph, Requirement, Resource
 from .images import ImagesInSlots
 
 _IMAGE_USAGE: dict[str, int] = {
@@ -128,11 +128,7 @@ class GraphImages(ImagesInSlots[Image, Buffer]):
         if resource.life == "external":
             return
         if resource.life == "history":
-            pair = self.borrow(resource, self._lender)
-            if not pair:
-                pair = [self._create(resource, f"{name}, parity {parity}", None) for parity in range(SLOTS)]
-            for slot, resources in enumerate(self.in_slot):
-                resources[name], resources[name + PREVIOUS] = pair[slot], pair[1 - slot]
+            self._add_history(resource, self._lender, self._create)
             return
         place = graph.memory.places.get(name)
         where = None
@@ -143,7 +139,7 @@ class GraphImages(ImagesInSlots[Image, Buffer]):
         for resources in self.in_slot:
             resources[name] = image_or_buffer
 
-    def _create(self, resource: Resource, name: str, place: tuple[Any, int] | None) -> Image | Buffer:
+    def _create(self, resource: Resource, name: str, place: tuple[Any, int] | None = None) -> Image | Buffer:
         image_or_buffer: Image | Buffer
         usage = self._memory.usage(resource)
         if resource.kind == "buffer":

@@ -1,4 +1,4 @@
-"""Figures of chapter 11: passes, jitter, motion, blur of histories, boxes, rest, tone curves, scales; `walk` has a loop."""
+"""Figures of chapter 11: passes, jitter, motion, blur of histories, boxes, rest, tones, scales; `walk` has a loop."""
 
 from __future__ import annotations
 
