@@ -86,18 +86,17 @@ class GraphMemory:
         return self._known[key]
 
 
+Held = Mapping[str, Image | Buffer]
+Lender = ImagesInSlots[Image, Buffer] | None
+
+
 class GraphImages(ImagesInSlots[Image, Buffer]):
     """The images and buffers of a graph; its histories may be those of a `lender`."""
 
     kind = Image
 
     def __init__(
-        self,
-        device: Device,
-        graph: Graph,
-        memory: GraphMemory,
-        externals: Mapping[str, Image | Buffer],
-        lender: GraphImages | None = None,
+        self, device: Device, graph: Graph, memory: GraphMemory, externals: Held, lender: Lender = None
     ) -> None:
         self._device, self._memory, self.graph, self._lender = device, memory, graph, lender
         self._heaps: list[Allocation] = []

@@ -89,7 +89,8 @@ class PreparedFrames(ChapterRenderer):
         api, steps = self._api, [step.name for step in self.graph.steps]
         graph = self._compiled()
         assert sorted(step.name for step in graph.steps) == sorted(steps), "a scale changes sizes alone"
-        copies = type(api.copies)(self.device)
+        kind: Any = type(api.copies)
+        copies = kind(self.device)
         copies.also = api.copies.also
         api.copies = copies
         self._renew()

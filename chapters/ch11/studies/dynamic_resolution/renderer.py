@@ -51,7 +51,7 @@ def check(settings: Settings) -> None:
 class Scaled(PreparedFrames):
     """Draws what the chapter draws, at one of eight scales that `choose` or `pace` set between two frames."""
 
-    TECHNIQUES = (*ChapterRenderer.TECHNIQUES, LevelTechnique)
+    TECHNIQUES = (*ChapterRenderer.TECHNIQUES, LevelTechnique)  # type: ignore[assignment]
 
     def __init__(
         self,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from ...frames.vulkan_profiler import Profiler
 from .prepared import Prepared
 from .renderer import Scaled
@@ -13,7 +15,8 @@ class Renderer(Scaled):
     PARTS = (*Scaled.PARTS, "profiler")
 
     def _renew(self) -> None:
-        self._api.profiler = Profiler(self.device)
+        api: Any = self._api
+        api.profiler = Profiler(self.device)
 
     def _free_renewed(self, prepared: Prepared) -> None:
         prepared.parts["profiler"].close()

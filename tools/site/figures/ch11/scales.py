@@ -13,7 +13,8 @@ FRAMES, LATE = 240, 2
 
 def scales() -> list[float]:
     """Return the scale of each frame under the load `step`."""
-    controller, found = Controller(1.0), []
+    controller = Controller(1.0)
+    found: list[float] = []
     for frame in range(FRAMES):
         if frame >= LATE:
             controller.next(frame_ms("step", frame - LATE, found[frame - LATE], 1.0))
