@@ -133,3 +133,28 @@ def test_light_lists_have_room_for_the_picture_at_each_scale(chapter):
             renderer.render(VIEW)
             assert technique._pass.layout.size == (36, 27) and renderer._data.light_lists is buffer
     assert np.array_equal(pictures["clusters"], pictures["brute"])
+
+
+@pytest.mark.variants("vulkan")
+def test_only_new_images_are_brought_into_a_state_before_the_first_frame(chapter, monkeypatch):
+    """A borrowed history has contents, which a transition from nothing may discard; software drivers keep them."""
+    from chapters.ch11.graph.execute import vulkan
+    from chapters.ch11.graph.types import UNTOUCHED
+
+    begun = []
+    real = vulkan.dependency
+
+    def noted(planned, *more):
+        planned = list(planned)
+        begun.append({it.resource for it in planned if it.before == UNTOUCHED})
+        return real(planned, *more)
+
+    monkeypatch.setattr(vulkan, "dependency", noted)
+    with opened(chapter, BASE, court()) as renderer:
+        names = {name + PREVIOUS for name in HISTORIES}
+        assert names <= set().union(*begun)
+        begun.clear()
+        first, second, kept = lent(renderer)
+        assert begun and not names & set().union(*begun)
+        second.images.own(first.images)
+        free(renderer, first, kept)
