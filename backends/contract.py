@@ -219,10 +219,7 @@ class Renderer(Protocol):
 
     @property
     def shader_files(self) -> frozenset[Path]:
-        """The files that the shaders of this renderer depend on, also those that do not exist yet.
-
-        None if the renderer cannot reload shaders: then the caller opens another one.
-        """
+        """The files of its shaders, also those that are missing; None if it cannot reload: the caller opens another."""
 
     def reload_shaders(self, changed: Collection[Path]) -> Reloaded:
         """Rebuild the pipelines that use one of these files, all or none of them; view, time and frame index stay.
@@ -315,8 +312,7 @@ class Pass:
     """One pass of a chapter, written once for both backends. Every pass derives from this class.
 
     Renderers and executors use only the members below. `record` contains draws and dispatches only: barriers, targets,
-    clears, labels and timestamps are recorded around it. Members that only the frame graph of chapter 4 uses have
-    defaults.
+    clears, labels and timestamps are recorded around it. Members that only a frame graph uses have defaults.
     """
 
     name: str
@@ -334,6 +330,9 @@ class Pass:
 
     pipelines: Sequence[Any] = ()
     """The pipelines that `create` built. The renderer creates their descriptor sets of the scene."""
+
+    beside: Collection[str] | None = None
+    """The names of the passes that are switched on; a frame graph sets it before it calls `declare`."""
 
     resting: bool = False
     """Whether the pass has no work in this frame; a batch of resting passes is not submitted."""

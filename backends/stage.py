@@ -72,7 +72,7 @@ class Stage(ABC):
         without = check_names(without, "without")
         self.scene = self.choose(scene)
         self.outputs = tuple(name for name in self.study.outputs if name in outputs)
-        self.has_picture = presents or "color" in outputs
+        self.presents, self.has_picture = presents, presents or "color" in outputs
         self._owned: list[Any] = []
         self._kept: list[Callable[[], None]] = []
         self._kept_sized: list[Callable[[], None]] = []

@@ -127,6 +127,15 @@ def settings_class(which: str) -> type:
     return settings
 
 
+def display(which: Which, backend: str) -> Any:
+    """Return a new `Display` for the window of a study that has one of its own (`DISPLAY` of its renderer's module).
+
+    None for all others: their windows show pictures of 8-bit sRGB codes.
+    """
+    kind = renderer_module(which, backend).__dict__.get("DISPLAY") if isinstance(which, str) else None
+    return kind() if kind is not None else None
+
+
 def _module(owner: Whole, name: str) -> ModuleType:
     return import_module(f"{chapters.package_of(owner)}.studies.{name}")
 

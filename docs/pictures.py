@@ -59,6 +59,7 @@ STUDY_SIZES = {
     "blue-noise": (384, 384),
     "phase-functions": (560, 315),
     "far-march": (480, 270),
+    "hdr-swapchain": (560, 320),
 }
 """Of studies whose pictures are tables."""
 STUDY_TIMES = {
@@ -78,6 +79,7 @@ STUDIES_OF_PIXELS = {
     "dispatch-size",
     "bias-explorer",
     "blue-noise",
+    "hdr-swapchain",
 }
 """Those about single pixels, which are not to be averaged."""
 STUDY_SETTINGS = {
@@ -87,7 +89,7 @@ STUDY_SETTINGS = {
     "bias-explorer": {"turn": 45.0},
 }
 """Settings with which every driver can draw a study's picture, or it says more."""
-WITH_STUDIES = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10)
+WITH_STUDIES = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11)
 """The chapters that have studies."""
 BY_FIGURES = {"9/shading-rates"}
 """Studies that no software driver draws: a figure shows what they do."""

@@ -16,14 +16,19 @@ float triangle_of(float even) {
     return even < 0.5 ? sqrt(2.0 * even) - 1.0 : 1.0 - sqrt(2.0 - 2.0 * even);
 }
 
-// Codes from 0 to 1 with noise of `steps` steps of 8 bits each way. Rounding them to 8 bits has the code as its mean, for
-// whole `steps`; with a triangular density its variance is the same at all codes (Lipshitz, Wannamaker and Vanderkooy
-// 1992, "Quantization and Dither: A Theoretical Survey"). Near black and white there is no room for that. There even noise
-// of one step has the same mean, and black and white stay what they are: a step is a little shorter, since devices differ
-// in how they round a half.
+// Codes from 0 to 1 with noise of `steps` steps of 8 bits each way, rounded to whole steps. The rounding is done here:
+// devices may be off by a tenth of a step where they convert to 8 bits, and would move what noise leaves near a half.
+// The mean is the code, for whole `steps`; with a triangular density the variance is the same at all codes (Lipshitz,
+// Wannamaker and Vanderkooy 1992, "Quantization and Dither: A Theoretical Survey").
+//
+// Where an end is nearer than `steps` such noise would go past it, and what is cut off there would be missing in the mean.
+// There the noise is even in (-1/2, 1/2), times `steps` below 1. The result for a value v in the last step is then 1 with
+// probability v, and else 0; floor(v + even) passes neither end, and its mean is v. At an end itself the noise is 0. A
+// transfer function is off by up to 1e-4 of a step at white, so a thousandth of a step counts as the end.
 vec3 dithered_code(vec3 code, float even, float steps) {
     vec3 value = 255.0 * code;
-    bvec3 edge = lessThan(min(value, 255.0 - value), vec3(steps));
-    vec3 noise = mix(vec3(steps * triangle_of(even)), vec3(min(steps, 1.0) * clamp(even - 0.5, -0.49996, 0.49996)), edge);
-    return (value + noise) / 255.0;
+    vec3 room = min(value, 255.0 - value);
+    vec3 noise = mix(vec3(steps * triangle_of(even)), vec3(min(steps, 1.0) * (even - 0.5)), lessThan(room, vec3(steps)));
+    noise = mix(noise, vec3(0.0), lessThan(room, vec3(0.001)));
+    return clamp(floor(value + noise + 0.5), 0.0, 255.0) / 255.0;
 }

@@ -4,8 +4,9 @@
 // Let u = 2^-24, M the matrix, T its translation, s the largest |corner| by components, and e1, e2 two edges.
 //   The point a + x e1 + y e2 in object space is off by u (s + 6 (|e1| + |e2|)): the edges are differences, with one
 //   rounding each, and two products and two sums follow; in the world by u (5 (|M| s + |T|) + 6 |M| (|e1| + |e2|)).
-//   The next test takes the origin back to object space: 5 roundings of |M| |M^-1| (|p| + |T|). For rotations and for
-//   scales along the axes of the object, |M| |M^-1| is at most 1 in every entry. Shear adds as its condition grows.
+//   The next test takes the origin p back to object space, as M^-1 (p - T): u |p| and 5 roundings of |M| |M^-1| |p - T|.
+//   For rotations and for scales along the axes of the object, |M| |M^-1| is at most 1 in every entry, and p - T is at
+//   most |M| s. Shear adds as its condition grows.
 //   The test itself moves corners by 6 u times their distance from the origin. Its edge functions are off by 2 u times
 //   the square of that, which moves t by as much as another 6 u times the distance over the sine at which the ray leaves.
 //   Both are below 16 u (|e1| + |e2|), and both are lengths along the normal.
@@ -31,8 +32,8 @@ SurfacePoint surface_point(mat3x4 world_from_object, vec3 a, vec3 b, vec3 c, vec
     normal /= max(length(normal), 1e-30);
     normal = dot(cross(rows[0], rows[1]), rows[2]) < 0.0 ? -normal : normal;
     vec3 placed = max(max(abs(a), abs(b)), abs(c)) * sizes, edges = (abs(e1) + abs(e2)) * sizes;
-    float around = 5.0 * dot(placed + 2.0 * abs(translation), vec3(1.0)) + 16.0 * dot(edges, vec3(1.0));
-    vec3 error = 6.0 * (placed + abs(translation)) + 6.0 * edges + around;
+    float around = 5.0 * dot(placed, vec3(1.0)) + 16.0 * dot(edges, vec3(1.0));
+    vec3 error = 7.0 * (placed + abs(translation)) + 6.0 * edges + around;
     return SurfacePoint(position, normal, dot(abs(normal), error) / 16777216.0);
 }
 

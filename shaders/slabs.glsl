@@ -5,6 +5,7 @@
 // from quotient and product, and of u (|p_x| + |p_z|) from the last difference; |S| <= 1. So the triangle that is tested
 // is off by at most u (2 |p_x| + 4 |p_z|) from the one in the box, with u = 2^-24, and the box is widened by more than that:
 // by 8 u (|p_x| + |p_z|) for the farthest corners of all boxes. The difference with the origin then has another rounding.
+// Where the ray that meets triangles is another one than this, more or less, those 8 roundings become more.
 //
 // Each t of a plane has a difference, a quotient and a product: a relative error of gamma(3) = 3 u / (1 - 3 u). So the
 // farther one is enlarged by 1 + 2 gamma(3) (Ize 2013, "Robust BVH Ray Traversal").
@@ -22,7 +23,7 @@ struct SlabRay {
 //
 // A part of the direction that is 0, or below 2^-60 of the largest, becomes that: it moves the ray by less than 2^-60 of
 // its length, far less than boxes are widened, and no product of 0 and infinity occurs.
-SlabRay slab_ray(vec3 origin, vec3 direction, vec3 centre, vec3 extent) {
+SlabRay slab_ray(vec3 origin, vec3 direction, vec3 centre, vec3 extent, float roundings) {
     vec3 size = abs(direction);
     float largest = max(size.x, max(size.y, size.z));
     vec3 least = vec3(largest * 8.673617379884035e-19);
@@ -30,7 +31,7 @@ SlabRay slab_ray(vec3 origin, vec3 direction, vec3 centre, vec3 extent) {
     vec3 reach = abs(centre - origin) + extent;
     float along = size.x >= largest ? reach.x : size.y >= largest ? reach.y : reach.z;
     // The origin itself is rounded when it is moved.
-    vec3 pad = (8.0 * (reach + along) + 2.0 * abs(origin)) / 16777216.0;
+    vec3 pad = (roundings * (reach + along) + 2.0 * abs(origin)) / 16777216.0;
     return SlabRay(1.0 / safe, origin + pad, origin - pad, lessThan(direction, vec3(0.0)));
 }
 

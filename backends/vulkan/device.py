@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from backends.contract import Capabilities, check_without
 from backends.selftest import verdicts
@@ -14,6 +14,9 @@ from backends.vulkan.driver import features as vf
 from backends.vulkan.instance import Instance, PhysicalDevice, choose, feature_chain, find_family
 from common.errors import DeviceError
 from common.names import visible
+
+if TYPE_CHECKING:
+    from backends.vulkan.window.display import Display
 
 _OBJECT_TYPES = {
     name.removeprefix("VK_OBJECT_TYPE_").replace("_", "").lower(): value
@@ -72,6 +75,8 @@ class Device:
         self.limits = self.physical.limits
         self.sink = instance.sink
         self.alive: dict[tuple[str, int], str] = {}
+        self.display: Display | None = None
+        """What the window shows on, set by its `Screen`; None without a window."""
         families = self._pick_families()
         enabled, bits = self._negotiate(set(extensions))
         chain = feature_chain(vf.CORE, *sorted({struct for struct, _ in bits} - {vf.CORE}))

@@ -23,9 +23,14 @@ NO_DEVICE = "No Vulkan 1.3 device was found ({}): ./strata doctor says what to i
 
 
 class Instance:
-    """A Vulkan 1.3 instance. `validate` adds the validation layers with synchronization validation."""
+    """A Vulkan 1.3 instance. `validate` adds the validation layers with synchronization validation.
 
-    def __init__(self, validate: bool = False, extensions: Iterable[str] = ()) -> None:
+    `extensions` are needed, and UnsupportedError names a missing one; `wished` ones are enabled where they are offered.
+    """
+
+    def __init__(
+        self, validate: bool = False, extensions: Iterable[str] = (), wished: Iterable[str] = ()
+    ) -> None:
         functions, get = vk.global_functions()
         self.layers = {
             vk.text(layer.layerName): _version(layer.specVersion)
@@ -57,7 +62,7 @@ class Instance:
                 f"The Vulkan loader is version {_dotted(self.version)}; Strata needs 1.3 or newer."
             )
         self.validates = validate
-        enabled = set(extensions)
+        enabled = set(extensions) | offered.intersection(wished)
         self.has_debug_utils = validate or "VK_EXT_debug_utils" in offered
         if self.has_debug_utils:
             enabled.add("VK_EXT_debug_utils")

@@ -225,6 +225,12 @@ def parse_path(text: str) -> CameraPath:
     if name in KINDS:
         kind = KINDS[name]
         changed = _values(name, kind, rest) if colon else {}
+        if colon and not changed:
+            values = "".join(
+                f", such as {name}:{key}={value.usual:g}" for key, value in [*kind.values.items()][:1]
+            )
+            has = f"name a value of the path{values}, or leave" if values else "the path has none: leave"
+            raise UserError(f"--path {visible(text)} has no value behind the colon: {has} the colon out.")
         return CameraPath(
             text, kind, {key: changed.get(key, value.usual) for key, value in kind.values.items()}
         )

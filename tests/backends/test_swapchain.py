@@ -9,10 +9,10 @@ import pytest
 
 from backends.vulkan import api as vk
 from backends.vulkan.instance import VALIDATION_LAYER, Instance
+from backends.vulkan.window.display import HDR_METADATA, Display, Mastering, choose_format
 from backends.vulkan.window.screen import Screen, choose_presenting, loader_address
 from backends.vulkan.window.swapchain import (
     choose_extent,
-    choose_format,
     choose_image_count,
     choose_present_mode,
 )
@@ -263,6 +263,71 @@ def test_a_picture_of_the_old_size_fills_the_new_window(display, window, screen)
                 return smooth and np.abs(blocks.mean(axis=(1, 3)) - small).max() <= 4.0
 
             assert seen(display, window.size, stretched)
+
+
+# --- other displays ---------------------------------------------------------------------------------------------------
+
+TOLD = Mastering((0.64, 0.33), (0.3, 0.6), (0.15, 0.06), (0.3127, 0.329), peak=800.0, brightest=800.0)
+
+
+class Other(Display):
+    """Remembers what it was asked, shows an image of its own, and has something to tell."""
+
+    instance_extensions = ("VK_EXT_swapchain_colorspace", "VK_EXT_of_nobody")
+    device_extensions = (HDR_METADATA, "VK_KHR_swapchain_mutable_format", "VK_EXT_of_nobody")
+    told = TOLD
+
+    def choose(self, offered, extensions):
+        self.offered, self.extensions = offered, extensions
+        return choose_format(offered)
+
+    def source(self, renderer):
+        self.shown = renderer
+        return renderer.present_source
+
+    def mastering(self, renderer):
+        return self.told
+
+
+def test_a_display_chooses_shows_and_tells(window):
+    """Extensions that are not offered are no error. What is told is told again to each new chain, and to no other."""
+    display, calls = Other(), []
+    with Screen(window, display=display) as screen:
+        device, chain = screen.device, screen.swapchain
+        assert (
+            device.display is display and display.offered and (chain.format, chain.space) in display.offered
+        )
+        assert (
+            display.extensions == device.instance.extensions and "VK_EXT_of_nobody" not in display.extensions
+        )
+        assert screen.takes_lists
+        assert device.physical.extensions & {*display.device_extensions} <= device.extensions
+        assert "VK_EXT_of_nobody" not in device.extensions
+        device.fn.__dict__["vkSetHdrMetadataEXT"] = lambda handle, count, chains, info: calls.append(
+            (chains[0], info.maxLuminance, info.displayPrimaryRed.x)
+        )
+        with open_renderer(screen) as renderer:
+            renderer.render(facing())
+            if HDR_METADATA not in device.extensions:
+                assert screen.show(renderer) and calls == []
+                device.extensions |= {HDR_METADATA}
+                chain.tell(None)
+            for _ in range(2):
+                assert screen.show(renderer) and display.shown is renderer
+            assert calls == [(chain.handle, 800.0, pytest.approx(0.64))]
+            resized(window, (70, 60))
+            assert screen.show(renderer) and chain.made == 2
+            assert len(calls) == 2 and calls[1][0] == chain.handle
+            display.told = None
+            assert screen.show(renderer) and len(calls) == 2
+        chain.space = vk.VK_COLOR_SPACE_HDR10_ST2084_EXT
+        assert not screen.takes_lists
+
+
+def test_a_window_by_itself_has_a_display_of_8_bits(screen):
+    assert type(screen.device.display) is Display
+    assert screen.swapchain.space == vk.VK_COLOR_SPACE_SRGB_NONLINEAR_KHR
+    assert "VK_EXT_swapchain_colorspace" not in screen.device.instance.extensions
 
 
 @pytest.mark.feature("device/lifetime-and-leaks")

@@ -199,9 +199,21 @@ GIVEN_IN: dict[str, dict[str, int | float | str | None]] = {
     "taa": {"KERNEL_RADIUS": 1.25, "WEIGHT_BEFORE": 2.0, "IMAGE": 1},
     "blue_noise": {"SIZE": 128, "WAYS": 3, "KINDS": 6, "NOISES": 3, "IMAGES": 9},
     "rays": {"ROLE_ARRAYS": "uint[5](0u, 0u, 0u, 0u, 0u)"},
+    "hdr_swapchain": {
+        "ENCODING": 0,
+        "HDR10": 0,
+        "SCRGB": 1,
+        "STRIPS": 5,
+        "STOPS": 8,
+        "PAPER_WHITE": 203.0,
+        "KNEE": 500.0,
+        "PEAK": 1000.0,
+        "REC_2020_FROM_709": "1.0",
+        "REC_709_FROM_2020": "1.0",
+    },
     "phase_functions": {"OCTAVES": 32, "NODES": 16, "POINTS": 512, "LOBES": 8},
 }
-"""The same in folders of chapters 7 to 10, whose things of these names are others; None where it is not given."""
+"""The same in folders of chapters 7 to 11, whose things of these names are others; None where it is not given."""
 VIEWS = 13
 OWN = ("GL_", "INCLUDED_", "VIEW_OF")  # macros that are not the host's
 

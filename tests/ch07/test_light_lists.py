@@ -235,3 +235,35 @@ def test_few_lights_have_no_lists(chapter):
             assert renderer._data.light_lists is None
             assert renderer.techniques["clusters"]._pass.pipelines == ()
     assert np.array_equal(*pictures) and pictures[0].max() > 0
+
+
+@pytest.mark.feature("clustered/light-sort")
+def test_views_without_light_sort_no_lights(chapter):
+    """And show what they show of the scene with a single light; a view that counts lights does sort them."""
+    view, pictures = VIEWS["inside"], []
+    for count in (LEAST_LIGHTS, 1):
+        with chapter.open(lit_town(count), SIZE, replaced(LIT, view="depth")) as renderer:
+            frame = renderer.render(view)
+            assert "light_lists" not in frame.timings and frame.work["lights"] == 0
+            pictures.append(frame.image("color").copy())
+    assert np.array_equal(*pictures) and pictures[0].any()
+    with chapter.open(lit_town(LEAST_LIGHTS), SIZE, replaced(LIT, view="light-count")) as renderer:
+        assert "light_lists" in renderer.render(view).timings
+
+
+@pytest.mark.feature("clustered/light-sort")
+@pytest.mark.parametrize("graph", ["forward", "deferred"])
+def test_lights_are_sorted_from_the_edit_on_that_lights_a_surface(chapter, graph):
+    lit, view, settings = lit_town(LEAST_LIGHTS), VIEWS["inside"], replaced(LIT, graph=graph)
+    scene = replace(lit, materials=[replace(material, unlit=True) for material in lit.materials])
+    scene.origin = lit.origin
+    with chapter.open(scene, SIZE, settings) as renderer:
+        before = renderer.render(view)
+        assert before.image("color").any() and "light_lists" not in before.timings
+        with scene.edit() as edit:
+            for number, material in enumerate(lit.materials):
+                edit.set_material(number, material)
+        after = renderer.render(view)
+        assert "light_lists" in after.timings
+        with chapter.open(lit, SIZE, settings) as other:
+            assert np.array_equal(after.image("color"), other.render(view).image("color"))

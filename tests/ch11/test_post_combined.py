@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 
+from chapters.ch11.graph.file import graph_path
+from chapters.ch11.post.tonemap import TonemapPass
 from chapters.ch11.settings import Settings
+from common.errors import UserError
 from common.numerics.transforms import pose_looking_at
 from common.settings import flat, replaced
 from common.view.camera import Perspective, View
@@ -74,19 +79,46 @@ def test_each_pass_switched_off_gives_the_frame_built_without_its_effect(chapter
         assert np.array_equal(together, two(renderer))
 
 
-@pytest.mark.feature("demo/combined-effects")
-def test_without_fxaa_the_tone_curve_gives_the_picture(chapter):
-    """Its pass is switched off in a frame without dither: that is added by whichever pass is the last.
+HISTORY = {"taa": "full", "jitter_period": 2, "taa_average": False}
+ENDS = (
+    {},
+    {"dither": 1.0},
+    {"split": "rows", "split_at": 0.2},
+    {"split": "columns", "dither": 1.0, "sharpen": 1.0, "motion_blur": 0.5, "bloom": 0.4},
+)
+"""What the last pass does besides; the gamma of the display tells the raw part of a split view from the other one."""
 
-    Nor is there blur or fog, which leave no edge to smooth.
-    """
-    others = "dither", "fog", "aperture", "motion_blur"
-    with chapter.open(foggy(LAMP, medium=HAZE), SIZE, without(*others)) as renderer:
+
+@pytest.mark.feature("demo/combined-effects")
+@pytest.mark.parametrize(("name", "off"), [("fxaa", {"fxaa": False}), ("taa", {"taa": "off"})])
+@pytest.mark.parametrize("end", ENDS, ids=" ".join)
+def test_fxaa_or_history_switched_off_gives_the_frame_opened_without_it(chapter, name, off, end):
+    """To the bit, and with the same passes: dither and split are done by whichever pass is the last."""
+    history = HISTORY if name == "taa" else {}
+    settings = replaced(BASE, **FXAA, **history, **end, display_gamma=1.4)
+    with chapter.open(yard(LAMP), SIZE, settings) as renderer:
+        together = two(renderer)
+        renderer.switch_pass(name, False)
+        found, steps = two(renderer), [step.name for step in renderer.graph.steps]
+        renderer.switch_pass(name, True)
+        assert np.array_equal(together, two(renderer))
+    built, wanted = frames(chapter, replaced(settings, **off), yard(LAMP))
+    assert steps == wanted
+    assert np.array_equal(found, built) and not np.array_equal(together, built)
+
+
+@pytest.mark.feature("demo/combined-effects")
+def test_a_pass_in_place_of_the_tone_curve_is_the_last_without_fxaa_too(chapter):
+    """Whether FXAA is on or off when it is put in, and when it is made."""
+    settings = replaced(BASE, **FXAA, dither=1.0)
+    with chapter.open(yard(LAMP), SIZE, settings) as renderer:
         together = two(renderer)
         renderer.switch_pass("fxaa", False)
-        found = two(renderer)
-    built, _ = frames(chapter, without(*others, "fxaa"))
-    assert np.array_equal(found, built) and not np.array_equal(together, built)
+        last = two(renderer)
+        renderer.swap_pass("tonemap", renderer.make_pass(TonemapPass))
+        assert np.array_equal(last, two(renderer))
+        renderer.switch_pass("fxaa", True)
+        assert np.array_equal(together, two(renderer)) and not np.array_equal(together, last)
 
 
 @pytest.mark.feature("demo/combined-effects")
@@ -126,3 +158,35 @@ def test_a_view_of_a_quantity_shows_none_of_them(chapter, view):
     effects = {**PASSES["sharpen"], **PASSES["motion_blur"], **FXAA, **LAST, "split": "rows"}
     found, same = frames(chapter, replaced(settings, **effects))
     assert steps == same and np.array_equal(plain, found)
+
+
+@pytest.mark.feature("demo/combined-effects")
+def test_a_graph_without_what_settings_need_is_refused_in_one_sentence(chapter, tmp_path):
+    """The passes of this chapter are not in the one, and in the other the image of bloom has another name."""
+
+    def graph(name, passes, **names):
+        file = tmp_path / name
+        renamed = [
+            {**it, "reads": {of: names.get(to, to) for of, to in it.get("reads", {}).items()}}
+            for it in passes
+        ]
+        file.write_text(json.dumps({"passes": renamed}), "utf-8")
+        return file
+
+    whole = json.loads(graph_path("deferred").read_text("utf-8"))["passes"]
+    new = ("motion", "motion_objects", "taa", "motion_blur", "sharpen", "fxaa")
+    old = [it for it in whole if it["pass"] not in new]
+    older = graph("older.json", old, history_color="color_hdr", color_focused="color_bloomed")
+    glow = [{**it, **({"writes": {"color_bloomed": "glow"}} if it["pass"] == "bloom" else {})} for it in old]
+    renamed = graph(
+        "renamed.json", glow, history_color="color_hdr", color_focused="glow", color_bloomed="glow"
+    )
+    for file, knobs, said in (
+        (older, {"taa": "full"}, r"older\.json has no pass 'motion', which taa=full needs: add it where"),
+        (renamed, {"split": "rows"}, r"renamed\.json has no image 'color_bloomed', which split=rows shows"),
+    ):
+        with pytest.raises(UserError, match=said):
+            chapter.open(yard(LAMP), SIZE, replaced(BASE, graph=str(file), **knobs)).close()
+    for file, knobs in ((older, {"split": "rows"}), (renamed, {}), (older, FXAA)):
+        picture, _ = frames(chapter, replaced(BASE, graph=str(file), **knobs), yard(LAMP))
+        assert picture.any()

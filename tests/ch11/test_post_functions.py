@@ -57,26 +57,52 @@ def test_noise_is_that_of_whole_numbers_to_the_bit_and_follows_pixel_and_frame_a
     assert np.minimum(apart, 1 - apart).max() < 53 * 16384 * 1.5 / 2**32
 
 
+def dithered(either_device, code, even, steps):
+    """Return (N, 3) dithered codes of 0 to 255 in float64; green is half of the code."""
+    found = evaluate(
+        either_device,
+        ["dither.glsl"],
+        f"shown = dithered_code(vec3(code, 0.5 * code, code), even, {steps});",
+        {"code": np.float32(code), "even": np.float32(even)},
+        {"shown": "vec3"},
+    )
+    return 255 * found["shown"].astype(np.float64)
+
+
 @pytest.mark.feature("taa/dithering")
 @pytest.mark.parametrize("steps", [1.0, 2.0])
 def test_rounding_of_dithered_codes_has_the_code_as_its_mean(either_device, steps):
-    """Also near black and white; over even numbers the mean is exact to their spacing."""
+    """Also near black and white; over even numbers the mean is exact to their spacing.
+
+    Results are whole codes, so no device rounds them to others: the twin's, but where its sum is a half within 32 bits.
+    """
     even = np.float32((np.arange(4096) + 0.5) / 4096)
     values = np.array([0.0, 0.2, 0.5, 0.93, 1.4, 2.7, 100.25, 128.5, 200.1, 252.6, 253.9, 254.6, 255.0])
     code = np.float32(np.repeat(values / 255, len(even)))
     even = np.tile(even, len(values))
-    got = evaluate(
-        either_device,
-        ["dither.glsl"],
-        f"shown = dithered_code(vec3(code, 0.5 * code, code), even, {steps});",
-        {"code": code, "even": even},
-        {"shown": "vec3"},
-    )["shown"].astype(np.float64)
-    wanted = twin.dithered(np.stack([code, code / 2, code], -1), even, steps)
-    assert np.abs(255 * got - wanted).max() < 5e-5 * steps
-    means = np.rint(255 * got[:, 0]).clip(0, 255).reshape(len(values), -1).mean(1)
+    got = dithered(either_device, code, even, steps)
+    assert np.abs(got - np.rint(got)).max() < 1e-4
+    wanted = twin.with_noise(np.stack([code, code / 2, code], -1), even, steps)
+    assert np.abs(np.rint(got) - wanted).max() < 0.5 + 5e-5 * steps
+    means = np.rint(got[:, 0]).reshape(len(values), -1).mean(1)
     assert np.abs(means - values).max() < 2 / 4096 * steps
     assert means[0] == 0 and means[-1] == 255
+
+
+@pytest.mark.feature("taa/dithering")
+@pytest.mark.parametrize("steps", [0.5, 1.0, 4.0])
+def test_noise_leaves_the_ends_and_what_is_rounded_to_them(either_device, steps):
+    """With the smallest and the largest noise, and codes that a transfer function may give instead of 0 and 1.
+
+    A device may convert by up to 0.6 of a step instead of a half, so 0.4 from a whole code has to be enough.
+    """
+    even = np.float32([2.0**-24, 1e-5, 0.25, 0.5, 0.75, 1 - 1e-5, 1 - 2.0**-24])
+    low = np.float32([0.0, 1e-9, 1e-7, 3e-6])
+    code = np.repeat(np.concatenate([low, 1 - low]), len(even))
+    got = dithered(either_device, code, np.tile(even, 2 * len(low)), steps).reshape(2, -1, 3)
+    assert np.abs(got[0]).max() < 1e-4 and np.abs(got[1, :, ::2] - 255).max() < 1e-4
+    beyond = dithered(either_device, np.full(len(even), 1 - 0.2 / 255), even, steps)[:, 0]
+    assert set(np.rint(beyond)) == ({255.0} if steps < 0.9 else {254.0, 255.0})
 
 
 @pytest.mark.feature("postprocess/fxaa")

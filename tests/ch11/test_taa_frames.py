@@ -299,14 +299,19 @@ def test_shaders_know_the_jitter_of_this_frame_and_of_the_one_before(chapter, sc
 
 
 @pytest.mark.feature("taa/projection-jitter")
-def test_ids_and_motion_have_no_jitter(chapter, scene):
-    with opened(chapter, BASE, scene, "instance_id", taa="off") as renderer:
+@pytest.mark.parametrize("msaa", [1, 4])
+def test_ids_and_motion_have_no_jitter(chapter, scene, msaa):
+    """With several samples a pixel they have a depth of their own, and the depth of the history keeps its jitter."""
+    with opened(chapter, BASE, scene, "instance_id", taa="off", msaa=msaa) as renderer:
         steady = renderer.render(VIEW).image("instance_id")
-    with opened(chapter, BASE, scene, "instance_id", "motion") as renderer:
+    depths = []
+    with opened(chapter, BASE, scene, "instance_id", "motion", "depth", msaa=msaa) as renderer:
         for _ in range(PERIOD + 1):
             frame = renderer.render(VIEW)
             assert np.array_equal(frame.image("instance_id"), steady)
             assert not frame.image("motion").any()
+            depths.append(frame.image("depth").copy())
+    assert not np.array_equal(depths[0], depths[1]) and np.array_equal(depths[0], depths[PERIOD])
 
 
 @pytest.mark.feature("taa/history")

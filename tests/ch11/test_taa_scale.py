@@ -165,18 +165,20 @@ def test_first_frames_cuts_and_sizes_have_no_history(chapter, scene):
             frames_of(renderer, 2, STEP)
 
 
-def test_ids_depth_and_motion_have_the_picture_in_their_places(chapter, scene):
-    with opened(chapter, BASE, scene, "instance_id", "depth", taa="off", taa_scale=1.0) as renderer:
+@pytest.mark.parametrize("msaa", [1, 4])
+def test_ids_depth_and_motion_have_the_picture_in_their_places(chapter, scene, msaa):
+    settings = replaced(BASE, msaa=msaa)
+    with opened(chapter, settings, scene, "instance_id", "depth", taa="off", taa_scale=1.0) as renderer:
         frame = renderer.render(VIEW)
         ids, depth = frame.image("instance_id"), frame.image("depth")
-    with opened(chapter, BASE, scene, "instance_id", "depth", "motion") as renderer:
+    with opened(chapter, settings, scene, "instance_id", "depth", "motion") as renderer:
         for _ in range(3):
             frame = renderer.render(VIEW)
             assert np.array_equal(frame.image("instance_id"), ids)
             assert not frame.image("motion").any()
             assert np.mean((frame.image("depth") > 0) == (depth > 0)) > 0.97
         moved = renderer.render(STEP).image("motion")
-    with opened(chapter, BASE, scene, "motion", taa_scale=1.0) as renderer:
+    with opened(chapter, settings, scene, "motion", taa_scale=1.0) as renderer:
         renderer.render(VIEW)
         whole = renderer.render(STEP).image("motion")
     assert np.median(np.abs(moved - whole)) < 0.05 * np.abs(whole).max()
@@ -216,6 +218,7 @@ def test_each_mode_is_finite_and_near_the_whole_picture(chapter, scene, more):
 def test_what_compares_pixels_is_refused(chapter, scene):
     for more, words in (
         ({"taa": "off"}, "taa=full"),
+        ({"taa_filter": "tent"}, "taa_filter=tent has no effect"),
         ({"rate_policy": "sobel"}, "rate_policy=sobel"),
         ({"rate_policy": "radial", "rate_tint": True}, "rate_tint"),
     ):

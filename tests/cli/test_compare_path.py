@@ -122,7 +122,7 @@ def test_a_picture_has_no_path(strata, tmp_path):
         (("--path", "walk", "--frames", 9, "--fps", "1e-9"), "With --frames and --fps the last --time"),
         (("--path", "walk", "--out", "a.jpg"), "--out a.jpg: the worst frame goes to a .png"),
         (("--path", "walk", "--out", "x/a.webp"), "there is no folder x"),
-        (("--path", "walk", "--out", "a.gif"), "a.gif cannot show 60 frames a second"),
+        (("--path", "walk", "--out", "a.gif", "--fps", 60), "a.gif cannot show 60 frames a second"),
         (("--path", "walk", "--out", "a.webp", "--frames", 10**7), "a.webp would be too large"),
         (("--out", "a.webp"), ".png"),
     ],

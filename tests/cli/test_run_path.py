@@ -47,7 +47,9 @@ def test_a_film_has_the_frames_of_one_renderer_along_the_path(strata, tmp_path, 
     )
     words = ("--path", "orbit:degrees=60", "--frames", 5, "--fps", 12, "--time", 0.5, "--camera", "overview")
     code, out, err = strata("run", 1, *SMALL, *words, "--out", "a.webp", "--json", "a.json")
-    assert (code, out) == (0, "") and err.endswith("wrote a.webp\n") and err.count("\n") == 1
+    assert (
+        (code, out) == (0, "") and err.endswith("wrote a.webp, 12 frames a second\n") and err.count("\n") == 1
+    )
     assert len(opened) == 1
     expected = drawn("orbit:degrees=60", 5, 12.0, "overview", 0.5)
     assert same(film(tmp_path / "a.webp"), expected)
@@ -101,7 +103,7 @@ def test_a_file_of_key_poses_says_how_many_frames_there_are(strata, tmp_path):
     lens = ("--camera", "9,9,9:0,0,0")  # a path has the lens of its start
     code, _, err = strata("run", 1, *SMALL, *lens, "--path", "keys.json", "--fps", 8)
     assert code == 0, err
-    assert err.replace("\\", "/").endswith("wrote out/ch01-cornell-keys.webp\n")
+    assert err.replace("\\", "/").endswith("wrote out/ch01-cornell-keys.webp, 8 frames a second\n")
     found = film(tmp_path / "out" / "ch01-cornell-keys.webp")
     assert len(found) == 5
     for place, frame in (("0,1.4,4:0,1,0", 0), ("1,1,4:0,1,0", 4)):
@@ -113,6 +115,19 @@ def test_a_path_that_stands_still_is_the_picture_without_one(strata, tmp_path):
     words = ("run", 1, *SMALL, "--frames", 2, "--out")
     assert strata(*words, "one.png")[0] == strata(*words, "still%d.png", "--path", "still")[0] == 0
     assert np.array_equal(read_image(tmp_path / "one.png"), read_image(tmp_path / "still1.png"))
+
+
+def test_a_gif_has_fifty_frames_a_second_where_no_rate_is_given(strata, tmp_path):
+    """The hundredths of a second of its format hold no more; all others have sixty."""
+    for name, rate, shown_ms in (("a.gif", 50, [20, 20, 20]), ("a.webp", 60, [17, 16, 17])):
+        code, _, err = strata("run", 1, *SMALL, "--path", "walk:speed=5", "--frames", 3, "--out", name)
+        assert code == 0 and err.endswith(f"wrote {name}, {rate} frames a second\n"), err
+        with Image.open(tmp_path / name) as found:
+            assert [
+                frame.load() and frame.info["duration"] for frame in ImageSequence.Iterator(found)
+            ] == shown_ms
+        if name == "a.webp":
+            assert same(film(tmp_path / name), drawn("walk:speed=5", 3, 60.0))
 
 
 @pytest.mark.parametrize(
@@ -129,13 +144,24 @@ def test_a_path_that_stands_still_is_the_picture_without_one(strata, tmp_path):
             ("--path", "walk", "--out", "a.jpg"),
             "--out a.jpg is no animation: name .webp, .gif, .png, a folder",
         ),
+        (
+            ("--path", "walk", "--out", "a.jpg"),
+            "a folder, or numbered pictures (.png or .exr), such as a-%04d.png.",
+        ),
         (("--path", "walk", "--out", "a.exr"), "--out a.exr is no animation"),
-        (("--path", "walk", "--out", "a"), "numbered pictures such as frame-%04d.png."),
+        (("--path", "walk", "--out", "a.exr"), "numbered pictures (.png or .exr), such as a-%04d.exr."),
+        (("--path", "walk", "--out", "a"), "--out a: there is no such folder for numbered pictures"),
+        (("--path", "walk", "--out", "a/b/"), ".webp, .gif, .png: create the folder, or name such a file."),
+        (
+            ("--path", "pan:"),
+            "--path pan: has no value behind the colon: name a value of the path, such as pan:pixels=2",
+        ),
+        (("--path", "still: ,"), "the path has none: leave the colon out."),
         (("--path", "walk", "--out", "x/a.webp"), "there is no folder x"),
         (("--path", "walk", "--out", "x/%d.png"), "there is no folder x"),
         (("--path", "walk", "--out", "%d-%d.png"), "--out %d-%d.png has more than one number"),
         (("--path", "walk", "--out", "%d.jpg"), ".png or .exr"),
-        (("--path", "walk", "--out", "a.gif"), "a.gif cannot show 60 frames a second"),
+        (("--path", "walk", "--out", "a.gif", "--fps", 60), "a.gif cannot show 60 frames a second"),
         (("--path", "walk", "--frames", 10**8), "walk.webp would be too large with 100000000 frames"),
         (("--path", "walk", "--frames", 10**8, "--out", "%d.png"), "100000000 frames are too many pictures"),
         (("--path", "walk", "--size", "16384x16"), "a side has at most 16383 pixels"),

@@ -17,8 +17,8 @@ BODY = """
     offset = point.offset;
     origin = PLAIN ? point.position : ray_origin(point, direction);
     // As a traversal does: the ray goes to object space.
-    vec3 there = vec3(dot(inverse0, vec4(origin, 1.0)), dot(inverse1, vec4(origin, 1.0)), dot(inverse2, vec4(origin, 1.0)));
-    vec3 turned = vec3(dot(inverse0.xyz, direction), dot(inverse1.xyz, direction), dot(inverse2.xyz, direction));
+    mat3 inverse = mat3(inverse0, inverse1, inverse2);
+    vec3 there = (origin - vec3(row0.w, row1.w, row2.w)) * inverse, turned = direction * inverse;
     float t;
     vec2 at_;
     bool back;
@@ -57,7 +57,7 @@ def case(count, seed, scale=1.0, away=0.0, instanced=True):
     flat = directions - (directions * normal).sum(axis=1, keepdims=True) * normal
     lift = normal * (rng.choice([-1, 1], count) * 10.0 ** rng.uniform(-6, -1, count))[:, None]
     directions = np.where(along[:, None], flat + lift, directions)
-    given = {f"row{i}": matrix[:, i] for i in range(3)} | {f"inverse{i}": inverse[:, i] for i in range(3)}
+    given = {f"row{i}": matrix[:, i] for i in range(3)} | {f"inverse{i}": inverse[:, i, :3] for i in range(3)}
     given |= {name: corners[:, i] for i, name in enumerate("abc")}
     given |= {"at": weights[:, 1:], "direction": directions}
     kept = np.isfinite(aspect) & (aspect < 100)
@@ -83,7 +83,7 @@ def test_no_ray_meets_the_triangle_that_it_leaves(either_device, scale, away, in
     # It is as near as the numbers allow: within some dozens of roundings of coordinates and edges.
     reach = np.abs(world).max(axis=(1, 2)) + (np.abs(np.stack([given[f"row{i}"][:, 3] for i in range(3)])).max(axis=0))
     edges = np.abs(world - world[:, :1]).max(axis=(1, 2))
-    assert (got["offset"] <= 2.0**-24 * (250 * reach + 300 * edges)).all()
+    assert (got["offset"] <= 2.0**-24 * (80 * reach + 300 * edges)).all()
     assert (np.abs(height) <= 2.1 * got["offset"]).all()
     # Without an offset many a ray meets its own triangle.
     assert run(either_device, given, plain=True)["again"].mean() > 0.02

@@ -11,7 +11,7 @@ from tests.twins.rays import box_interval
 UNIT = 2.0**-24
 software = pytest.mark.feature("ray-tracing/software-bvh")
 INTERVAL = """
-    SlabRay ray = slab_ray(origin, direction, {centre}, {extent});
+    SlabRay ray = slab_ray(origin, direction, {centre}, {extent}, 8.0);
     {change}
     vec2 both = slab_interval(ray, low, high, t_min, t_max);
     enter = both.x;

@@ -12,11 +12,15 @@ import chapters
 from backends.gl.context import Context
 from backends.vulkan.instance import VALIDATION_LAYER, Instance
 from chapters import studies
+from chapters.ch11.studies.hdr_swapchain import Settings
+from chapters.ch11.studies.hdr_swapchain.gl import WINDOW
+from chapters.ch11.studies.hdr_swapchain.vulkan_surface import SRGB
 from common.errors import UnsupportedError
 from tests.support.display import User, screenshot, virtual_display
 from tools.window.window import run_window
 
 SIZE = (96, 64)
+HDR = "11/hdr-swapchain"
 
 
 @pytest.fixture(scope="module", params=("vulkan", "gl"))
@@ -108,3 +112,41 @@ def test_the_panel_shows_the_knobs_of_a_study(backend):
         panel=True,
     )
     assert (figures.drawn, figures.messages) == (3, [])
+
+
+@pytest.mark.parametrize("encoding", ["auto", "hdr10"])
+def test_a_window_of_8_bits_says_that_it_has_no_high_dynamic_range(backend, encoding):
+    """The X server and the software drivers offer sRGB only. With `auto` the window shows the sRGB signal."""
+    name, display, validate = backend
+    shown, own = [], studies.display(HDR, name)
+    scene = studies.load(HDR, None)
+
+    def act(renderer, frame):
+        shown.append((renderer.encoding, frame.image("encoded"), frame.image("color")))
+        if name == "vulkan":
+            renderer.device.wait_idle()
+        shown.append(screenshot(display, SIZE))
+
+    figures = run_window(
+        partial(chapters.open, HDR, name, scene=scene),
+        size=SIZE,
+        title="a study",
+        validate=validate,
+        backend=name,
+        display=own,
+        outputs={"color", "encoded"},
+        settings=Settings(encoding=encoding),
+        on_frame=act,
+        frames=5,
+        panel=False,
+    )
+    assert (figures.drawn, figures.messages) == (5, [])
+    (found, encoded, picture), after = shown[0], shown[-1]
+    if name == "vulkan":
+        assert own.surface.encoding == "srgb" and own.surface.space == SRGB
+        assert scene.warnings == [own.surface.sentence] and "neither HDR10 nor scRGB" in own.surface.sentence
+    else:
+        assert own is None and scene.warnings == [WINDOW]
+    assert found == ("srgb" if encoding == "auto" else "hdr10")
+    assert np.array_equal(after, encoded[..., :3] if encoding == "auto" else picture)
+    assert after.std() > 10

@@ -115,9 +115,10 @@ def triangle_of(even: ArrayLike) -> Float64:
     return np.where(even < 0.5, np.sqrt(2 * even) - 1, 1 - np.sqrt(2 - 2 * even))
 
 
-def dithered(code: ArrayLike, even: ArrayLike, steps: float) -> Float64:
-    """Return codes (..., 3) in 8-bit steps with noise of a triangle, or of one even step where there is no room."""
+def with_noise(code: ArrayLike, even: ArrayLike, steps: float) -> Float64:
+    """Return codes (..., 3) in 8-bit steps with noise of a triangle, of one even step near an end, or of none there."""
     value = 255 * np.asarray(code, np.float64)
     even = np.asarray(even, np.float64)[..., None]
     room = np.minimum(value, 255 - value)
-    return np.where(room < steps, value + min(steps, 1) * (even - 0.5), value + steps * triangle_of(even))
+    noise = np.where(room < steps, min(steps, 1) * (even - 0.5), steps * triangle_of(even))
+    return np.where(room < 0.001, value, value + noise)

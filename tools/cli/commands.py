@@ -25,6 +25,7 @@ from tools.cli.options import (
     CameraPath,
     Compress,
     Environment,
+    Rate,
     Runnable,
     Set,
     Size,
@@ -184,9 +185,7 @@ def run(
         ),
     ] = None,
     time: Annotated[float, typer.Option(metavar="SECONDS", help="Time of the first frame.")] = 0.0,
-    fps: Annotated[
-        float, typer.Option(metavar="RATE", help="Frames per second of animation without a window.")
-    ] = 60.0,
+    fps: Rate = None,
     headless: Annotated[bool, typer.Option("--headless", help="Open no window.")] = False,
     watch: Annotated[
         bool,
@@ -198,6 +197,7 @@ def run(
 ) -> int:
     """Draw a scene with a chapter's renderer: in a window, or without a display into a file."""
     import chapters
+    from tools.run import films
     from tools.run import run as running
 
     which = chapters.parse(chapter)
@@ -213,7 +213,7 @@ def run(
         camera=camera,
         path=path,
         quality=quality,
-        overrides=tuple(set_ or ()),
+        overrides=running.shown_by(which, set_ or ()),
         view=view,
         without=tuple(without or ()),
         validate=running.validation(which, validate, not no_validate, backend),
@@ -221,7 +221,7 @@ def run(
         compressed=compress,
         json=json,
         time=time,
-        fps=fps,
+        fps=films.usual_rate(out) if fps is None else fps,
         headless=headless,
         verbose=verbose,
         watch=watch,
@@ -352,7 +352,7 @@ def compare(
             show_default=False,
         ),
     ] = None,
-    fps: Annotated[float, typer.Option(metavar="RATE", help="Steps of the clock in a second.")] = 60.0,
+    fps: Rate = None,
     quality: Annotated[
         str, typer.Option(metavar="low|medium|high|reference", help="Preset of a side that names none.")
     ] = "medium",
@@ -381,6 +381,7 @@ def compare(
 ) -> int:
     """Compare two chapters, forks, backends, settings or pictures: side by side, with time, error and work."""
     from tools.compare import compare as comparing
+    from tools.run import films
     from tools.run import run as running
 
     request = comparing.Request(
@@ -394,7 +395,7 @@ def compare(
         size=None if size is None else running.parse_size(size),
         time=time,
         frames=frames,
-        fps=fps,
+        fps=films.usual_rate(out) if fps is None else fps,
         quality=quality,
         without=tuple(without or ()),
         map=map_,

@@ -40,6 +40,15 @@ CameraPath = Annotated[
         show_default=False,
     ),
 ]
+Rate = Annotated[
+    float | None,
+    typer.Option(
+        "--fps",
+        metavar="RATE",
+        help="Frames in a second of the clock, without a window: 60, and 50 for a .gif, which can show no more.",
+        show_default=False,
+    ),
+]
 Set = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Turn a knob of `strata list N --settings`; repeatable."),

@@ -55,6 +55,19 @@ FILMS = {
 more makes a file half as large in ten times the time."""
 
 
+USUAL_RATE = 60.0
+"""Frames per second where none are asked for."""
+
+
+def usual_rate(path: Path | None) -> float:
+    """Return the frames per second of a file where none are asked for: no more than a film of its format can show.
+
+    A frame of a GIF lasts whole hundredths of a second, and at least two: 50 a second are the nearest to 60.
+    """
+    kind = FILMS.get("" if path is None else path.suffix.lower())
+    return USUAL_RATE if kind is None else min(USUAL_RATE, kind.rate)
+
+
 def check_film(path: Path, frames: int, size: tuple[int, int], per_second: float) -> None:
     """Raise UserError if a film cannot be written to `path`: to be called before the work."""
     check_writable(path, tuple(FILMS))

@@ -60,11 +60,7 @@ def check(request: Request) -> None:
         return
     pattern = numbered(request.out)
     if pattern is None:
-        if request.out.suffix.lower() not in FILMS:
-            raise UserError(
-                f"--out {request.out} is no animation: name {', '.join(FILMS)}, a folder, or numbered pictures such as "
-                "frame-%04d.png."
-            )
+        _check_animation(request.out)
         check_film(request.out, count, request.size, request.fps)
         return
     if len(_NUMBER.findall(pattern.name)) > 1:
@@ -74,15 +70,35 @@ def check(request: Request) -> None:
     images.check_writable(picture_path(pattern, 0), (".png", ".exr"))
 
 
+def _check_animation(out: Path) -> None:
+    """Raise UserError for a file that cannot hold an animation, with what could be meant."""
+    suffix = out.suffix.lower()
+    if suffix in FILMS:
+        return
+    if not suffix:
+        raise UserError(
+            f"--out {out}: there is no such folder for numbered pictures, and an animation ends with "
+            f"{', '.join(FILMS)}: create the folder, or name such a file."
+        )
+    pictures = f"{out.stem}-%04d{suffix if suffix == '.exr' else '.png'}"
+    raise UserError(
+        f"--out {out} is no animation: name {', '.join(FILMS)}, a folder, or numbered pictures (.png or .exr), such as "
+        f"{pictures}."
+    )
+
+
 def file_name(path: str) -> str:
     """Return what stands for a path in the name of a file."""
     words = Path(path).stem if path.lower().endswith(".json") else path
     return re.sub(r"[^\w.=,-]+", "-", words)[:80]
 
 
-def spoken(files: list[str]) -> str:
-    """Return which files were written, as the end of a sentence."""
-    return files[0] if len(files) == 1 else f"{len(files)} pictures, {files[0]} to {files[-1]}"
+def spoken(files: list[str], request: Request) -> str:
+    """Return which files were written, as the end of a sentence: of an animation also its frames per second."""
+    if len(files) > 1:
+        return f"{len(files)} pictures, {files[0]} to {files[-1]}"
+    moves = request.path is not None and (request.out is None or numbered(request.out) is None)
+    return f"{files[0]}, {request.fps:g} frames a second" if moves else files[0]
 
 
 def record(request: Request, renderer: Renderer, log: Log, target: Path, steps: Any) -> list[str]:

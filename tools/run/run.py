@@ -28,7 +28,7 @@ from tools.run.films import FILMS
 from tools.run.live import Live
 from tools.run.opening import Opening, open_scene
 from tools.run.record import STDOUT, Log, triangles
-from tools.run.views import with_view
+from tools.run.views import shown_by, with_view
 from tools.run.watch import until_idle, watch
 
 if TYPE_CHECKING:
@@ -222,13 +222,16 @@ def show_opened(request: Request, opening: Opening, preset_name: str, note: str)
 
     def opened(**options: Any) -> Renderer:
         # The panel asks for other settings; then a record holds what came since.
-        wanted = {"settings": settings, **options}
+        wanted, told = {"settings": settings, **options}, len(scene.warnings)
         renderer = chapters.open(request.chapter, request.backend, scene=scene, **wanted)
+        if not logs:
+            tell_warnings(scene, request.verbose, told)  # of what the renderer found out about the window
         quality = preset_name if wanted["settings"] == settings else preset_of(wanted["settings"]) or "own"
         logs.append(Log(request, renderer, quality))
         return renderer
 
     say(f"{studies.spoken(request.chapter)}, {scene.name}{note}. {HELP} {panel_help()}")
+    backend = chapters.choose_backend(request.backend, request.chapter)
     figures = run_window(
         partial(opened, without=request.without, validate=request.validate),
         size=request.size,
@@ -240,7 +243,8 @@ def show_opened(request: Request, opening: Opening, preset_name: str, note: str)
         frames=request.frames,
         # Reading a frame's figures waits for it: only who asked for them pays that.
         on_frame=(lambda _, frame: logs[-1].add(frame)) if request.json or request.verbose else None,
-        backend=chapters.choose_backend(request.backend, request.chapter),
+        backend=backend,
+        display=studies.display(request.chapter, backend),
         panel=True,
         name=chapters.file_name(request.chapter),
         quality=note.removeprefix(", "),
@@ -331,7 +335,7 @@ def draw(request: Request, began: float) -> int:
             if request.verbose:
                 log.show()
             what = f"{studies.spoken(request.chapter)}, {scene.name}"
-            wrote = recording.spoken(log.pictures)
+            wrote = recording.spoken(log.pictures, request)
             say(f"{what}, {request.size[0]}x{request.size[1]}, {log.device}: wrote {wrote}")
             tell_warnings(scene, request.verbose, told)  # of what was loaded meanwhile
             opening.report(request.verbose)

@@ -27,15 +27,18 @@ def open_window(backend: str, size: tuple[int, int], title: str) -> Window:
     return Window(size, title, "vulkan", inputs=inputs, loader=loader_address())
 
 
-def open_screen(backend: str, window: Window, **options: Any) -> Any:
-    """Return the backend's `Screen`: a device for renderers, and what brings their pictures into the window."""
+def open_screen(backend: str, window: Window, display: Any = None, **options: Any) -> Any:
+    """Return the backend's `Screen`: a device for renderers, and what brings their pictures into the window.
+
+    `display` is a `Display` of the renderer's own on Vulkan; OpenGL has no choice of surfaces.
+    """
     if backend == "gl":
         from backends.gl.window.screen import Screen as OnGl
 
         return OnGl(window, **options)
     from backends.vulkan.window.screen import Screen as OnVulkan
 
-    return OnVulkan(window, **options)
+    return OnVulkan(window, display=display, **options)
 
 
 class Refused(Exception):

@@ -396,6 +396,7 @@ def run_window(
     frames: int | None = None,
     on_frame: Callable[[Renderer, Frame], None] | None = None,
     backend: str = "vulkan",
+    display: Any = None,
     panel: bool = False,
     name: str = "strata",
     quality: str = "",
@@ -407,15 +408,14 @@ def run_window(
     `open_renderer(size=, device=, presents=True, **options)` opens the renderer on the window's device: for example
     `partial(chapters.open, 1, scene=scene)`; for other settings it is called again, with `settings=`. `camera` names
     the view to begin with, `time` the seconds; `frames` ends the run by itself; `on_frame(renderer, frame)` is called
-    after each frame. `backend` is the renderer's, "vulkan" or "gl". With `panel` the panel is shown where it can be;
-    `name` begins the names of screenshots, `quality` says how the preset was chosen, `places` where the lessons explain
-    each knob. Shaders that are saved meanwhile
-    are taken over (`tools.run.live`). Raises UnsupportedError where there is no display, or none that the backend can
-    draw to. Everything is closed in any case.
+    after each frame. `backend` is the renderer's, "vulkan" or "gl"; `display` is for `open_screen`. With `panel` the
+    panel is shown where it can be; `name` begins the names of screenshots, `quality` says how the preset was chosen,
+    `places` where the lessons explain each knob. Shaders that are saved meanwhile are taken over (`tools.run.live`).
+    Raises UnsupportedError where there is no display, or none that the backend can draw to. Everything is closed.
     """
     options.setdefault("outputs", ())
     with open_window(backend, size, title) as window:
-        screen = open_screen(backend, window, validate=validate, without=without, vsync=vsync)
+        screen = open_screen(backend, window, display, validate=validate, without=without, vsync=vsync)
         sink = screen.device.sink
         # The desktop may have given another size than was asked for; a window opened minimised has none yet.
         given = size if window.minimised else window.size
@@ -423,7 +423,7 @@ def run_window(
             opened = Opened(open_renderer, given, {"device": screen.device, "presents": True, **options})
             stack.callback(opened.close)
             live.renew = opened.renew
-            drawn_panel = open_panel(window.scale) if panel else None
+            drawn_panel = open_panel(window.scale) if panel and screen.takes_lists else None
             if drawn_panel is not None:
                 stack.callback(drawn_panel.close)
             loop = Loop(

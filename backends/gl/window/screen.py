@@ -28,6 +28,8 @@ class Screen:
     OpenGL 4.5.
     """
 
+    takes_lists = True  # a window's codes are those of a user interface: 8-bit sRGB
+
     def __init__(
         self, window: Window, *, validate: bool = False, without: Iterable[str] = (), vsync: bool = True
     ) -> None:

@@ -19,6 +19,7 @@ from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 from backends.vulkan.instance import Instance, PhysicalDevice, choose
 from backends.vulkan.readback import read_image
+from backends.vulkan.window.display import Display
 from backends.vulkan.window.swapchain import Swapchain
 from backends.window import Window
 from common.errors import UnsupportedError
@@ -53,25 +54,33 @@ def choose_presenting(
 class Screen:
     """What stands between a window and a renderer on Vulkan.
 
-    `device` is for the renderer, which must be closed before this is. Raises UnsupportedError where Vulkan cannot draw
-    to the display.
+    `device` is for the renderer, which must be closed before this is; `device.display` is the given `display`, or one
+    of 8-bit sRGB. Raises UnsupportedError where Vulkan cannot draw to the display.
     """
 
     def __init__(
-        self, window: Window, *, validate: bool = False, without: Iterable[str] = (), vsync: bool = True
+        self,
+        window: Window,
+        *,
+        validate: bool = False,
+        without: Iterable[str] = (),
+        vsync: bool = True,
+        display: Display | None = None,
     ) -> None:
-        self._window = window
+        self._window, self._display = window, display or Display()
         self._surface: Any = None
         self._device: Device | None = None
         self._swapchain: Swapchain | None = None
-        self._instance = Instance(validate, window.vulkan_extensions())
+        self._instance = Instance(validate, window.vulkan_extensions(), self._display.instance_extensions)
         try:
             address = int(vk.ffi.cast("uintptr_t", self._instance.handle))
             self._surface = vk.ffi.cast("VkSurfaceKHR", window.vulkan_surface(address))
             devices = self._instance.devices()
             picked = choose_presenting(devices, [self._presents(device) for device in devices])
-            self._device = Device(self._instance, picked, without, {"VK_KHR_swapchain"})
-            self._swapchain = Swapchain(self._device, self._surface, vsync=vsync)
+            wished = picked.extensions.intersection(self._display.device_extensions)
+            self._device = Device(self._instance, picked, without, {"VK_KHR_swapchain", *wished})
+            self._device.display = self._display
+            self._swapchain = Swapchain(self._device, self._surface, vsync=vsync, display=self._display)
         except BaseException:
             self.close()
             raise
@@ -101,9 +110,15 @@ class Screen:
         assert self._swapchain is not None, "closed"
         return self._swapchain
 
+    @property
+    def takes_lists(self) -> bool:
+        """Whether the surface takes the colours of a user interface, which are sRGB codes."""
+        return self.swapchain.space == vk.VK_COLOR_SPACE_SRGB_NONLINEAR_KHR
+
     def show(self, renderer: Renderer) -> bool:
         """Show the renderer's last picture in the window, again if need be; return whether that happened."""
-        return self.swapchain.show(renderer.present_source, self._window.size)
+        self.swapchain.tell(self._display.mastering(renderer))
+        return self.swapchain.show(self._display.source(renderer), self._window.size)
 
     def lay(self, drawn: DrawList | None) -> None:
         """Draw a user interface over whatever is shown from now on; None takes it away. Each list is given once."""

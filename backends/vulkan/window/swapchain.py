@@ -13,6 +13,7 @@ from backends.vulkan import api as vk
 from backends.vulkan.barriers import barriers, image_barrier
 from backends.vulkan.device import Device
 from backends.vulkan.resources import Image
+from backends.vulkan.window.display import HDR_METADATA, Display, Mastering
 from backends.vulkan.window.draw_lists import DrawLists
 from common.errors import UnsupportedError
 from common.view.draw_lists import DrawList
@@ -25,19 +26,7 @@ TIMEOUT_NS = 500_000_000
 
 _FOREVER = 2**64 - 1
 
-# A picture is coded in sRGB by the tone mapper and 8 bits deep, so formats that would code it again are no choice.
-_FORMATS = (vk.VK_FORMAT_R8G8B8A8_UNORM, vk.VK_FORMAT_B8G8R8A8_UNORM, vk.VK_FORMAT_A8B8G8R8_UNORM_PACK32)
-
-
 # --- what to choose ---------------------------------------------------------------------------------------------------
-
-
-def choose_format(offered: Sequence[tuple[int, int]]) -> tuple[int, int]:
-    """Return the (format, colour space) to show 8-bit sRGB codes in as they are; UnsupportedError if there is none."""
-    for format in _FORMATS:
-        if (format, vk.VK_COLOR_SPACE_SRGB_NONLINEAR_KHR) in offered:
-            return format, vk.VK_COLOR_SPACE_SRGB_NONLINEAR_KHR
-    raise UnsupportedError("This display has no plain 8-bit colour format: run with --headless.")
 
 
 def choose_present_mode(offered: Collection[int], vsync: bool = True) -> int:
@@ -134,7 +123,9 @@ class _Target:
 class Swapchain:
     """The images that a surface shows in turn. They are made anew when the window's size or state asks for it."""
 
-    def __init__(self, device: Device, surface: Any, *, vsync: bool = True) -> None:
+    def __init__(
+        self, device: Device, surface: Any, *, vsync: bool = True, display: Display | None = None
+    ) -> None:
         self._device, self._surface = device, surface
         self._fn = device.fn
         ask = device.instance.fn
@@ -146,7 +137,9 @@ class Swapchain:
             physical,
             surface,
         )
-        self.format, self._space = choose_format([(item.format, item.colorSpace) for item in formats])
+        offered = [(int(item.format), int(item.colorSpace)) for item in formats]
+        self.format, self.space = (display or Display()).choose(offered, device.instance.extensions)
+        self._mastering: Mastering | None = None
         modes = vk.listed(
             ask.vkGetPhysicalDeviceSurfacePresentModesKHR,
             "vkGetPhysicalDeviceSurfacePresentModesKHR",
@@ -199,7 +192,7 @@ class Swapchain:
             surface=self._surface,
             minImageCount=choose_image_count(capabilities.minImageCount, capabilities.maxImageCount),
             imageFormat=self.format,
-            imageColorSpace=self._space,
+            imageColorSpace=self.space,
             imageExtent={"width": extent[0], "height": extent[1]},
             imageArrayLayers=1,
             # A surface's images can always be drawn to (specification of VkSurfaceCapabilitiesKHR).
@@ -228,10 +221,23 @@ class Swapchain:
             for index, image in enumerate(images)
         ]
         self.extent, self._wanted = extent, wanted
+        self._tell()
         self._regions.clear()
         self.stale = False
         self.made += 1
         return True
+
+    def tell(self, mastering: Mastering | None) -> None:
+        """Tell the display about the content from now on, where the device can (VK_EXT_hdr_metadata)."""
+        if mastering != self._mastering:
+            self._mastering = mastering
+            self._tell()
+
+    def _tell(self) -> None:
+        if self._mastering is None or self.handle is None or HDR_METADATA not in self._device.extensions:
+            return
+        chains = vk.array("VkSwapchainKHR", [self.handle])
+        self._fn.vkSetHdrMetadataEXT(self._device.handle, 1, chains, self._mastering.info())
 
     def lay(self, drawn: DrawList | None) -> None:
         """Draw a user interface over whatever is shown from now on; None takes it away. Each list is given once."""

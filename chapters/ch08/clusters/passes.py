@@ -21,6 +21,7 @@ from ..graph.types import External, Touch
 from ..pipelines.compute_description import ComputeDescription
 from ..scene.pass_parts import PassParts
 from ..settings import Settings
+from ..shading.views import has_lit
 from . import model
 from .model import BINS, GROUP, ListLayout
 
@@ -76,8 +77,8 @@ class LightListsPass(Pass):
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
-        """Whether there are lights enough."""
-        return model.needed(scene, settings)
+        """Whether there are lights enough, and surfaces that they light."""
+        return model.needed(scene, settings) and has_lit(scene, settings)
 
     def create(self) -> None:
         """Build the kernels that the setting `light_lists` needs."""

@@ -46,6 +46,7 @@ READERS = (
     "forward",
     "transparent",
     "instance_id",
+    "centre_depth",
     "visibility",
     "motion_objects",
     RESOLVE,

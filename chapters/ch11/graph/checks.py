@@ -7,8 +7,12 @@ from collections.abc import Collection, Mapping
 from typing import Any, get_args
 
 from backends.contract import Access, Pass, RateUse, Use
+from common.errors import UserError
 from common.names import suggest
 
+from ..post.settings import RAW
+from ..shading.views import PICTURE
+from .file import GraphFile
 from .sync.queues import QUEUES
 from .types import GraphError
 
@@ -22,6 +26,26 @@ STORED = {
     "motion": ("rg16f",),
 }
 """The formats in which a frame's outputs can be read."""
+
+
+def check_finish(file: GraphFile, settings: Any) -> None:
+    """Raise UserError for a graph without the passes of a history, or the image of a split view, that settings need."""
+    if settings.shading.view != PICTURE:
+        return
+    taa, split, passes = settings.taa.taa, settings.post.split, {*file.passes.values()}
+    for name in ("motion", "taa"):
+        if taa != "off" and name not in passes:
+            raise UserError(
+                f"{file.shown} has no pass '{name}', which taa={taa} needs: add it where the chapter's own graphs have "
+                "it, or set taa=off."
+            )
+    renamed = [field.word() for use in file.uses for field in use.writes.values()]
+    own = any(use.of.word() == "bloom" and RAW not in use.writes for use in file.uses)
+    if split != "off" and not own and RAW not in renamed:
+        raise UserError(
+            f"{file.shown} has no image '{RAW}', which split={split} shows as the raw picture: let its pass 'bloom' "
+            "write that name, or set split=off."
+        )
 
 
 def check_name(name: Any, known: Collection[str]) -> None:

@@ -17,7 +17,7 @@ from ..scene.pass_parts import PassParts
 from ..shading.depth_prepass import DepthPrepass
 from ..shading.forward import ForwardPass
 from ..shading.gbuffer import GBufferPass
-from ..shading.instance_id import InstanceIdPass
+from ..shading.instance_id import CentreDepthPass, InstanceIdPass
 from ..shading.lighting import LightingPass
 from ..shading.lighting_compute import ComputeLightingPass
 from ..shading.transparent import TransparentPass
@@ -49,6 +49,7 @@ def make_passes(parts: PassParts) -> dict[str, Pass]:
         BokehPass(parts),
         DepthOfFieldPass(parts),
         InstanceIdPass(parts),
+        CentreDepthPass(parts),
         MotionPass(parts),
         MotionObjectsPass(parts),
         ResolvePass(parts),

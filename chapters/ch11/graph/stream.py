@@ -23,7 +23,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
-from backends.contract import Pass
+from backends.contract import Access, Pass
 from common.errors import StaleFrameError
 from common.names import suggest
 from common.scene import Change
@@ -50,7 +50,8 @@ class GraphStream(FrameStream):
     graph_work: dict[str, int]
     """The counters of the graph (`Graph.counts`): part of every frame's `work`."""
     _plan: FramePlan
-    _created: list[Pass]
+    _created: list[tuple[Pass, tuple[Access, ...], tuple[Access, ...]]]
+    """The passes that were created, with what they declared then: pipelines follow it."""
     _materials_seen = 0
     _needs: Mapping[str, bool]
 
@@ -68,13 +69,14 @@ class GraphStream(FrameStream):
         implementations = self._plan.implementations()
         before = getattr(self, "passes", [])
         self.passes = [implementations[step.name] for step in graph.steps if step.name != COPY]
-        if not set(self.passes) <= set(self._created):
+        declared = [(gpu_pass, gpu_pass.reads, gpu_pass.writes) for gpu_pass in self.passes]
+        if any(each not in self._created for each in declared):
             try:
                 self._create_passes()
             except BaseException:
                 self.passes = before
                 raise
-        self._created = self.passes
+        self._created = declared
         self.graph, self.graph_work = graph, graph.counts()
 
     def _rebuild(self) -> None:

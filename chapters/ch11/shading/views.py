@@ -207,6 +207,13 @@ def is_lit(settings: Settings) -> bool:
     return settings.shading.view in (PICTURE, "non-finite")
 
 
+def has_lit(scene: Scene, settings: Settings) -> bool:
+    """Whether any material of a scene takes light from its lights: there are none for unlit ones, or for most views."""
+    view = of(settings)
+    lit = view is None or view.name == "non-finite" or "LIT" in view.defines
+    return lit and any(not material.unlit for material in scene.materials)
+
+
 def mends_texels(settings: Settings) -> bool:
     """Whether texels that are NaN or infinite are replaced before the GPU sees them."""
     return settings.shading.view != "non-finite"

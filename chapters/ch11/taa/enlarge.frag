@@ -1,16 +1,11 @@
-// Nearest pixels at the size of the picture. IMAGE: 0 depth, 1 motion vectors, 2 instance ids.
+// Nearest pixels at the size of the picture. IMAGE: 0 depth, 1 motion vectors.
 
 #include "scene/scene.glsl"
 #include "taa/drawn.glsl"
 
-#if IMAGE == 2
-layout(BIND(1, 0, 3)) uniform usampler2D drawn;
-layout(location = 0) out uint out_id;
-#else
 layout(BIND(1, 0, 3)) uniform sampler2D drawn;
 #if IMAGE == 1
 layout(location = 0) out vec2 out_motion;
-#endif
 #endif
 
 layout(location = 0) in vec2 in_uv;
@@ -20,9 +15,7 @@ void main() {
     ivec2 pixel = drawn_pixel(in_uv * frame.size.xy + 0.5 * frame.jitter * frame.size.xy);
 #if IMAGE == 0
     gl_FragDepth = texelFetch(drawn, pixel, 0).r;
-#elif IMAGE == 1
-    out_motion = texelFetch(drawn, pixel, 0).rg;
 #else
-    out_id = texelFetch(drawn, pixel, 0).r;
+    out_motion = texelFetch(drawn, pixel, 0).rg;
 #endif
 }

@@ -12,7 +12,7 @@ from ..settings import Settings
 from . import model
 from .scale import DRAWN, ENLARGE, ENLARGED
 
-KINDS = {"depth": 0, "motion": 1, "instance_id": 2}
+KINDS = {"depth": 0, "motion": 1}
 
 
 class EnlargePass(FullscreenPass):
@@ -21,8 +21,7 @@ class EnlargePass(FullscreenPass):
     def __init__(self, parts: PassParts, image: str) -> None:
         super().__init__(parts)
         self.name, self._image, self._format = ENLARGE + image, image, ENLARGED[image]
-        integer = self._format if image == "instance_id" else None
-        self.reads = (Access(image + DRAWN, "sampled", format=integer),)
+        self.reads = (Access(image + DRAWN, "sampled"),)
         if image == "depth":
             self.writes = (Access(image, "depth", format=self._format, clear=(0.0,)),)
         else:

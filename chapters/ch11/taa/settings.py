@@ -22,7 +22,8 @@ class TaaSettings:
 
     taa: str = knob(
         "off",
-        "temporal anti-aliasing; simple: a fixed share of each frame, and none of the knobs below but format and share",
+        "temporal anti-aliasing; simple: every frame has the share taa_share, and of the other knobs that begin with "
+        "taa_ only taa_format and taa_scale matter",
         choices=MODES,
     )
     taa_share: float = knob(
@@ -44,7 +45,10 @@ class TaaSettings:
         "variance-clamp", "how the history is brought close to the colours of 3x3 pixels", choices=CONSTRAINTS
     )
     taa_gamma: float = knob(
-        1.0, "half the edges of the box of a variance, in standard deviations", minimum=0, maximum=8
+        1.0,
+        "standard deviations that a history may be away from the mean of 3x3 pixels, if variance constrains it",
+        minimum=0,
+        maximum=8,
     )
     taa_weight: str = knob("difference", "what the shares of frame and history depend on", choices=WEIGHTS)
     taa_ycocg: bool = knob(True, "whether boxes have axes along luminance and two differences of colour")
@@ -60,7 +64,7 @@ class TaaSettings:
     taa_format: str = knob("rgba32f", "format of the history", choices=("rgba16f", "rgba32f"))
     taa_scale: float = knob(
         1.0,
-        "sides of what is drawn, in sides of the picture: below 1 the history fills the picture from fewer pixels",
+        "part of the picture's width and height that is drawn; below 1 the history makes the picture of fewer pixels",
         minimum=0.5,
         maximum=1,
     )

@@ -28,7 +28,7 @@ from ..ssao.model import wanted as occludes
 from ..taa.scale import drawn_size, enlarged
 from ..visibility.model import RESOLVE
 from ..visibility.model import in_use as numbers
-from .checks import check_name, check_output, check_pass, check_readers
+from .checks import check_finish, check_name, check_output, check_pass, check_readers
 from .file import GraphFile
 from .frame_graph import bytes_of, compile_graph
 from .names import connect
@@ -77,6 +77,7 @@ def check_samples(file: GraphFile, settings: Any) -> None:
             f"{file.path.name} has no G-buffer, and surfaces={settings.visibility.surfaces} fills one: set "
             "graph=deferred or compute, or surfaces=gbuffer."
         )
+    check_finish(file, settings)
 
 
 @dataclass(frozen=True)
@@ -192,6 +193,7 @@ class FramePlan:
         """Let another pass draw in place of pass `name`. It must declare the same reads and writes."""
         check_name(name, self.switches)
         check_pass(pass_, self._formats)
+        self._declare(pass_)
         now = self.implementations()[name]
         for what in ("reads", "writes"):
             old, new = (each.reads if what == "reads" else each.writes for each in (now, pass_))
@@ -232,10 +234,17 @@ class FramePlan:
     def _compile(
         self, size: tuple[int, int], scene: Any, settings: Any, requirements: Requirements | None, alias: bool
     ) -> tuple[list[Node], Graph]:
-        for pass_ in (self.passes | self._inserted).values():
-            pass_.declare()
+        for pass_ in (*self.passes.values(), *self._inserted.values(), *self._swapped.values()):
+            self._declare(pass_)
+        off = {*self.file.passes.values()} - self._beside
         declared = {
-            name: Declared(name, pass_.reads, pass_.writes, _why_not(pass_, scene, settings), pass_.queue)
+            name: Declared(
+                name,
+                pass_.reads,
+                pass_.writes,
+                OFF if name in off else _why_not(pass_, scene, settings),
+                pass_.queue,
+            )
             for name, pass_ in self.passes.items()
         }
         nodes = self.file.nodes(declared, self._formats, outputs=OUTPUTS, on=self._on)
@@ -259,6 +268,15 @@ class FramePlan:
         )
         self.kept, self.externals = kept, externals
         return nodes, graph
+
+    def _declare(self, pass_: Pass) -> None:
+        """Let a pass bring its reads and writes up to date, and tell it which passes are switched on."""
+        pass_.beside = self._beside
+        pass_.declare()
+
+    @property
+    def _beside(self) -> frozenset[str]:
+        return frozenset(self.file.passes.get(name, name) for name, on in self.switches.items() if on)
 
     def watched(self, graph: Graph) -> list[Any]:
         """Return the passes that write an inspected image, in the order of the frame (see `Inspection`)."""

@@ -14,17 +14,12 @@ from typing import Protocol
 
 from backends.contract import Access, Sources
 
-from ..graph.file import graph_path, read_graph
-from ..graph.plan import graph_name
 from ..scene.data import BEHIND_SCENE
 from ..shading.settings import ShadingSettings
 from ..shading.views import PICTURE
-from .settings import PostSettings
+from .settings import RAW, PostSettings
 
 Defines = tuple[tuple[str, int | float | str], ...]
-
-RAW = "color_bloomed"
-"""The picture that the raw part of a split view shows: what the lens gives, before anything finishes it."""
 
 TONED = "color_toned"
 """The picture between tone curve and FXAA."""
@@ -51,12 +46,8 @@ def has_motion_blur(settings: Settings) -> bool:
 
 
 def has_fxaa(settings: Settings) -> bool:
-    """Whether FXAA is the last pass: the settings want it, and the graph of the frame has the pass."""
-    return (
-        settings.post.fxaa
-        and shows_picture(settings)
-        and "fxaa" in read_graph(graph_path(graph_name(settings))).passes.values()
-    )
+    """Whether the settings want FXAA."""
+    return settings.post.fxaa and shows_picture(settings)
 
 
 def toned_format(settings: Settings) -> str:

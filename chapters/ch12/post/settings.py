@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 from common.settings import knob
 
+RAW = "color_bloomed"
+"""The picture that the raw part of a split view shows: what the lens gives, before anything finishes it."""
+
 
 @dataclass
 class PostSettings:
@@ -29,7 +32,9 @@ class PostSettings:
         0.0, "how long the shutter is open: blur along motion", unit="frames", minimum=0, maximum=2
     )
     motion_blur_taps: int = knob(16, "samples along the motion of a pixel", minimum=2, maximum=64)
-    motion_blur_limit: float = knob(64.0, "length of blur at most", unit="px", minimum=1, maximum=1024)
+    motion_blur_limit: float = knob(
+        64.0, "longest streak that a pixel is blurred to", unit="px", minimum=1, maximum=1024
+    )
     sharpen: float = knob(
         0.0, "part of the difference from the mean around that is added; 1: usual", minimum=0, maximum=2
     )
@@ -39,7 +44,7 @@ class PostSettings:
     )
     fxaa_detail: float = knob(0.75, "how strongly single pixels are smoothed", minimum=0, maximum=1)
     fxaa_steps: int = knob(
-        16, "steps along an edge to each of its ends, at most", unit="px", minimum=1, maximum=64
+        16, "how far an edge is followed, to both sides, to find its ends", unit="px", minimum=1, maximum=64
     )
     display_exposure: float = knob(
         1.0, "factor of light before the tone curve, for display alone", minimum=0, maximum=10

@@ -23,13 +23,17 @@ class TonemapPass(FullscreenPass):
         super().__init__(parts)
         self._tint = rates.read(parts.settings) if parts.settings.rates.rate_tint else ()
         self._texel = mask_of(parts.settings, parts.limits).texel
+        self.declare()
+
+    def declare(self) -> None:
+        """Be the last pass, which also dithers and splits the view, unless FXAA follows."""
+        settings = self._settings
+        self._last = not finish.has_fxaa(settings) or "fxaa" not in (self.beside or ())
+        self._format = "rgba8" if self._last else finish.toned_format(settings)
         self.reads = (Access("color_hdr", "sampled"), *self._tint)
-        self._last = not finish.has_fxaa(parts.settings)
-        self._format = "rgba8" if self._last else finish.toned_format(parts.settings)
+        self.reads += finish.last_reads(settings) if self._last else ()
         self.writes = (Access("color" if self._last else finish.TONED, "color", format=self._format),)
-        if self._last:
-            self.reads = (*self.reads, *finish.last_reads(parts.settings))
-            self.sources = finish.last_sources(parts.settings)
+        self.sources = finish.last_sources(settings) if self._last else Sources()
 
     def describe(self) -> PipelineDescription:
         """Return the pipeline."""

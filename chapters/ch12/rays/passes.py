@@ -17,6 +17,7 @@ from backends.contract import Access, Pass, Sources
 from common.errors import UserError
 from common.scene import Pose, Scene
 
+from ..cloth.passes import VERTICES
 from ..frames.commands import Commands, SceneBinding
 from ..graph.execute.bindings import OWNED
 from ..graph.types import External, Touch
@@ -83,8 +84,10 @@ class StructuresPass(Pass):
         self._draws = parts.draws
         self.follow(picture.BVH, dict.fromkeys(BUFFERS, OWNED))
 
-    def follow(self, way: str, sizes: Mapping[str, int]) -> None:
-        """Declare the structures of a way."""
+    def follow(self, way: str, sizes: Mapping[str, int], cloth: bool = False) -> None:
+        """Declare the structures of a way, and that they follow the vertices of cloth if there is some."""
+        if cloth:
+            self.reads = (Access(VERTICES, "storage" if way == picture.BVH else "build"),)
         self.writes = structure_accesses(way, sizes, True)
         stage, access = ("compute", "storage_read") if way == picture.BVH else ("rays", "structure_read")
         stage = "compute" if way == picture.QUERY else stage
@@ -118,11 +121,12 @@ class RayPicturePass(Pass):
         self._draws, self._pipelines = parts.draws, parts.pipelines
         self.follow(picture.BVH, dict.fromkeys(BUFFERS, OWNED))
 
-    def follow(self, way: str, sizes: Mapping[str, int]) -> None:
-        """Declare that the structures of a way are read."""
+    def follow(self, way: str, sizes: Mapping[str, int], cloth: bool = False) -> None:
+        """Declare that the structures of a way are read, and the vertices of cloth if there is some."""
         self._way = way
-        self.reads = structure_accesses(way, sizes, False)
         stages = ("rgen",) if way == picture.PIPELINE else ()
+        vertices = (Access(VERTICES, "storage", stages=stages),) * cloth
+        self.reads = (*structure_accesses(way, sizes, False), *vertices)
         format = self._settings.shading.color_format
         self.writes = (Access(TRACED, "storage", format=format, of="color_hdr", stages=stages),)
 
@@ -140,7 +144,7 @@ class RayPicturePass(Pass):
             *self._data.texture_defines(whole, lambda _: whole),
             *picture.picture_defines(self._scene, self._settings, self._draws.used),
             *picture.DEFINES[self._way],
-            ("TARGET_BINDING", len(self.reads) if self._way == picture.BVH else 0),
+            ("TARGET_BINDING", len(BUFFERS) if self._way == picture.BVH else 0),
         )
         if self._way == picture.PIPELINE:
             return ray_description("rays/picture.rgen", defines, name="rays")

@@ -27,9 +27,9 @@ DEFINES: dict[str, Defines] = {
     QUERY: (("RAYS_QUERY", 1), ("RAYS_SET", 4), ("RAYS_BINDING", 0)),
     BVH: (
         *CONSTANTS.items(),
-        ("BVH_NODES_AT", "BIND(3, 0, 5)"),
-        ("BVH_TRIANGLES_AT", "BIND(3, 1, 6)"),
-        ("BVH_INSTANCES_AT", "BIND(3, 2, 7)"),
+        ("RAYS_SET", 3),
+        ("RAYS_BINDING", 0),
+        ("RAYS_SLOT", 5),
     ),
 }
 """The defines of a way: where its structures are bound."""

@@ -32,9 +32,10 @@ class RayTechnique(Technique):
         way = picture.chosen_way(parts.settings, backend.plan)
         package = f"{__package__}.bvh" if way == picture.BVH else __package__
         self._structures = structures = backend.part(package).open_structures(backend, parts)
+        cloth = bool(passes["cloth"].externals)
         for gpu_pass in (build, trace):
             gpu_pass.structures = structures
-            gpu_pass.follow(way, structures.sizes)
+            gpu_pass.follow(way, structures.sizes, cloth)
 
     def prepare(self, frame: FrameInfo) -> int:
         """Let the structures follow what has moved; return the bytes written."""

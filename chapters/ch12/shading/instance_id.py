@@ -31,11 +31,11 @@ class InstanceIdPass(ObjectsPass):
     def __init__(self, parts: PassParts) -> None:
         super().__init__(parts)
         depth_of_frame = views.depth_target(parts.settings) == "depth"
-        self._steady = (("STEADY_VIEW", 1),) * (depth_of_frame and taa.in_use(parts.settings))
+        self._steady = (("STEADY_VIEW", 1),) * taa.in_use(parts.settings)
         """Ids are those of the view without jitter, with a depth that no other pass reads."""
         own_depth = not depth_of_frame or bool(self._steady)
         ids = Access("instance_id", "color", format="r32ui", clear=(0, 0, 0, 0))
-        depth = Access("depth_of_ids" if depth_of_frame else "depth", "depth", format="d32f", clear=(0.0,))
+        depth = Access("depth_of_ids" if self._steady else "depth", "depth", format="d32f", clear=(0.0,))
         self.reads = () if own_depth else (Access("depth", "depth"),)
         self.writes = (ids, depth) if own_depth else (ids,)
         self._depth: Literal["write", "equal"] = "write" if own_depth else "equal"
@@ -56,3 +56,24 @@ class InstanceIdPass(ObjectsPass):
             depth=self._depth,
             name="instance id",
         )
+
+
+class CentreDepthPass(InstanceIdPass):
+    """Draws the depth in the centres of pixels with the jitter, where the forward pass has several samples a pixel.
+
+    Motion vectors and the history need that depth, and ids have another one, without jitter.
+    """
+
+    name = "centre_depth"
+
+    def __init__(self, parts: PassParts) -> None:
+        super().__init__(parts)
+        self._steady = ()
+        ids = Access("ids_of_centres", "color", format="r32ui", clear=(0, 0, 0, 0))
+        self.writes = (ids, Access("depth", "depth", format="d32f", clear=(0.0,)))
+
+    @staticmethod
+    def needed(scene: Scene, settings: Settings) -> bool:
+        """Whether there is a jitter, and no other pass draws that depth."""
+        alone = taa.in_use(settings) and views.depth_target(settings) != "depth"
+        return alone and InstanceIdPass.needed(scene, settings)

@@ -3,7 +3,7 @@
 Everything before the pass `taa` is drawn at the scale, and the graph is compiled for that size. The pass writes its
 history at the size of the picture, and so do all passes that use the history. Depth and motion vectors are enlarged for
 outputs and for those passes: each pixel takes the nearest one that was drawn. Instance ids are drawn at the size of the
-picture, unless they share a depth that was drawn at the scale.
+picture, with a depth of their own.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ SAMPLES = 16
 DRAWN = "_drawn"
 """What a name ends with that is drawn at the scale, where the name itself is that of the enlarged image."""
 
-ENLARGED = {"depth": "d32f", "motion": "rg16f", "instance_id": "r32ui"}
+ENLARGED = {"depth": "d32f", "motion": "rg16f"}
 """The images that are enlarged, with their formats."""
 
 OWN_DEPTH = "depth_of_ids"
@@ -39,6 +39,11 @@ def check(settings: Settings) -> None:
         return
     if settings.taa.taa == "off":
         raise UserError(f"taa_scale={scale:g} draws fewer pixels than the picture has: set taa=full as well.")
+    if model.scale(settings) < 1.0 and settings.taa.taa_filter != "none" and settings.taa.taa == "full":
+        raise UserError(
+            f"taa_filter={settings.taa.taa_filter} has no effect with taa_scale={scale:g}, where samples are weighted "
+            "by their distance from the pixel of the picture: set taa_filter=none, or taa_scale=1."
+        )
     rates = settings.rates
     if model.scale(settings) < 1.0 and (rates.rate_policy == "sobel" or rates.rate_tint):
         knob = "rate_tint" if rates.rate_tint else "rate_policy=sobel"

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .model import DEPTH_LARGEST, LEAF_LARGEST
+from .model import COUNT_SHIFT, DEPTH_UPPER, LEAF, LEAF_LARGEST, NO_CHILD
 
 Floats = NDArray[np.float32]
+Doubles = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 BINS = 16
@@ -45,17 +46,17 @@ class Tree:
         return len(self.levels) - 1
 
 
-def _area(low: Floats, high: Floats) -> Floats:
+def _area(low: Floats, high: Floats) -> Doubles:
     """Return half the surface of (3, ...) boxes; 0 of boxes inside out, such as those of no primitive."""
-    x, y, z = np.maximum(high - low, 0.0)
-    area: Floats = x * y + y * z + z * x
+    x, y, z = np.maximum(high - low, 0.0).astype(np.float64)  # squares of large sizes leave float32
+    area: Doubles = x * y + y * z + z * x
     return area
 
 
-def _sweep(low: Floats, high: Floats, count: Integers) -> Floats:
+def _sweep(low: Floats, high: Floats, count: Integers) -> Doubles:
     """Return (B - 1, K) costs of splits behind each bin, from boxes (3, B, K) and counts (B, K) of bins."""
     bins = len(count)
-    cost = np.empty((bins - 1, count.shape[1]), np.float32)
+    cost = np.empty((bins - 1, count.shape[1]))
     before = np.cumsum(count, axis=0)
     all_ = before[-1]
     low_now, high_now = low[:, 0].copy(), high[:, 0].copy()
@@ -76,7 +77,7 @@ def build(low: Floats, high: Floats, largest: int = LEAF_LARGEST, bins: int = BI
     """Return the tree over (N, 3) boxes, all finite, with leaves of at most `largest` primitives.
 
     Where all centres of a node are in one bin of every axis, and where the level leaves no room for uneven splits below
-    DEPTH_LARGEST, a node is split in the middle of its list. The result depends on nothing but the boxes.
+    DEPTH_UPPER, a node is split in the middle of its list. The result depends on nothing but the boxes.
     """
     total = len(low)
     boxes = np.concatenate([low.T, high.T]).astype(np.float32)  # (6, N)
@@ -179,7 +180,7 @@ def _sides(
         scales = np.where(sizes > 0, np.float32(bins * 0.999999) / sizes, np.float32(0.0)).astype(np.float32)
     scales[~np.isfinite(scales)] = 0.0
     node = np.repeat(np.arange(nodes), count)
-    best = np.full(nodes, np.inf, np.float32)
+    best = np.full(nodes, np.inf)
     axis_of, bin_of = np.zeros(nodes, np.int64), np.zeros(nodes, np.int64)
     keys = []
     for axis in AXES:
@@ -207,7 +208,7 @@ def _sides(
         side |= key >= np.repeat(last, count)
     # Halves reach leaves after this many levels; a node that has no more than those left must not be split unevenly.
     halvings = np.ceil(np.log2(np.maximum(count, largest) / largest))
-    middle = np.isinf(best) | (halvings >= DEPTH_LARGEST - level)
+    middle = np.isinf(best) | (halvings >= DEPTH_UPPER - level)
     if middle.any():
         _split_in_the_middle(side, centres, begin, count, np.flatnonzero(middle))
     return side
@@ -228,14 +229,28 @@ def _split_in_the_middle(
     side[places[sorted_]] = rank >= lengths[owner] // 2
 
 
-def sah_cost(tree: Tree, traversal: float = 1.0, intersection: float = 1.0) -> float:
-    """Return the expected cost of a ray that meets the root's box: area-weighted nodes and primitives (Wald 2007, eq. 2)."""
+def sah_cost(tree: Tree) -> float:
+    """Return the expected cost of a ray that meets the root's box, in steps (Wald 2007, equation 2).
+
+    A node and a triangle cost one each, times the share of the root's surface that their box has.
+    """
     if not len(tree.children):
         return 0.0
-    low, high = tree.low.astype(np.float64), tree.high.astype(np.float64)
-    area = _area(np.moveaxis(low, -1, 0), np.moveaxis(high, -1, 0))
-    root = _area(low[0].min(axis=0), high[0].max(axis=0))
     is_leaf = tree.children < 0
-    counts = np.where(is_leaf, tree.count[np.where(is_leaf, ~tree.children, 0)], 0)
-    cost = traversal * (root + area[~is_leaf].sum()) + intersection * (area * counts).sum()
-    return float(cost / root) if root > 0 else 0.0
+    counts = np.where(is_leaf, tree.count[np.where(is_leaf, ~tree.children, 0)], 1)
+    return _cost(tree.low, tree.high, counts)
+
+
+def cost(nodes: np.ndarray) -> float:
+    """Return the same of records that may have been refitted: by how much it rose says when a rebuild is due."""
+    codes = np.stack([nodes["child0"], nodes["child1"]], axis=1)
+    counts = np.where(codes >= LEAF, (codes >> np.uint32(COUNT_SHIFT) & np.uint32(3)) + 1, 1)
+    counts = np.where(codes == NO_CHILD, 0, counts)
+    low, high = (np.stack([nodes[f"{end}0"], nodes[f"{end}1"]], axis=1) for end in ("low", "high"))
+    return _cost(low, high, counts)
+
+
+def _cost(low: Floats, high: Floats, counts: Integers) -> float:
+    area = _area(np.moveaxis(low, -1, 0), np.moveaxis(high, -1, 0))
+    root = float(_area(low[0].min(axis=0), high[0].max(axis=0)))
+    return 1.0 + float((area * counts).sum()) / root if root > 0 else 0.0

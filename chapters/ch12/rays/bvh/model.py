@@ -30,23 +30,30 @@ TRIANGLE = np.dtype(
         ("b", np.float32, 3),
         ("flags", np.uint32),
         ("c", np.float32, 3),
-        ("spare", np.uint32),
+        ("mesh", np.uint32),
     ]
 )
-"""48 bytes: corners in object space, and the triangle's number in its mesh's index list."""
+"""48 bytes: corners in object space, the triangle's number in its mesh's index list, flags, and the mesh, for refits."""
 
 INSTANCE = np.dtype(
     [
-        ("object_from_world", np.float32, (3, 4)),
+        ("rows", np.float32, (3, 4)),
         ("root", np.uint32),
         ("mask", np.uint32),
         ("id", np.uint32),
         ("flags", np.uint32),
-        ("centre", np.float32, 4),
-        ("extent", np.float32, 4),
     ]
 )
-"""96 bytes. `root` is the node at which the mesh begins; centre and half extent are those of its box, in object space."""
+"""64 bytes. Each row has a row of the inverse of the instance's matrix, without translation, and of the translation one
+number, which leaves a point before the row multiplies it: far from the origin both may be large, their difference is not.
+`root` is the node at which the mesh begins."""
+
+HEAD = np.dtype([("root", np.uint32), ("count", np.uint32), ("spare", np.uint32, 2)])
+"""What stands before the records of instances: the node at which the upper level begins, and how many records follow."""
+
+SLOT = np.dtype([("instance", np.uint32), ("box", np.uint32), ("mask", np.uint32), ("flags", np.uint32)])
+"""What the kernel that writes an instance's record knows of it: its place in the scene; where its box lies in the upper
+level, twice the node and the child's number; its mask while it is visible; and the flags of its record."""
 
 NODE_WORDS, TRIANGLE_WORDS, INSTANCE_WORDS = (kind.itemsize // 4 for kind in (NODE, TRIANGLE, INSTANCE))
 
@@ -61,15 +68,21 @@ INSTANCES_LARGEST = 1 << 24
 NON_OPAQUE = 1
 """Flag of an instance: hits ask `accept`."""
 
-DEPTH_LARGEST = 32
-"""Of nodes above one another in either level. A traversal keeps one code for each node on its way, of both levels."""
-STACK = 2 * DEPTH_LARGEST
+UNUSABLE = 1
+"""Flag of a triangle without area or with corners that are no numbers: its corners are zeros, and its leaf's box is
+without it."""
+
+DEPTH_UPPER, DEPTH_LARGEST = 32, 44
+"""How many nodes stand above one another at most, in the upper level and in a mesh. A rebuild on the GPU has as many levels
+as its codes and the number of leaves have bits. A traversal keeps one code for each node on its way, of both levels."""
+STACK = DEPTH_UPPER + DEPTH_LARGEST
 
 CONSTANTS = {
     "BVH_LEAF": f"{LEAF}u",
     "BVH_COUNT_SHIFT": f"{COUNT_SHIFT}u",
     "BVH_NO_CHILD": f"{NO_CHILD}u",
     "BVH_NON_OPAQUE": f"{NON_OPAQUE}u",
+    "BVH_UNUSABLE": f"{UNUSABLE}u",
     "BVH_STACK": STACK,
 }
 """Constants of the shaders, to be given as defines."""

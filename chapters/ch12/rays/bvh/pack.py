@@ -12,13 +12,15 @@ from . import model
 from .build import Tree, build
 
 Floats = NDArray[np.float32]
+Integers = NDArray[np.int64]
 
 
 @dataclass
 class MeshTree:
     """The hierarchy of one mesh: its nodes and triangles, numbered from 0, and what was left out.
 
-    `box` (2, 3) is around all triangles, zeros without any. `levels` are those of `Tree`.
+    `box` (2, 3) is around all triangles, inside out without any. `levels` are those of `Tree`. `left_out` counts triangles
+    that no ray may hit.
     """
 
     nodes: np.ndarray
@@ -30,15 +32,19 @@ class MeshTree:
 
 @dataclass
 class Buffers:
-    """What is uploaded: `nodes` (those of the upper level come last), `triangles`, and `instances` with a head.
+    """What is uploaded: `nodes` (those of the upper level come last), `triangles`, and `instances`, words with a head.
 
-    `roots` (M,) is the node at which each mesh begins. `left_out` counts triangles that are not finite or without area.
+    `roots` (M,) is the node at which each mesh begins, `firsts` (M,) its first triangle. `slots` tell the kernels that
+    write records which instance each is. `levels` are where the levels of the upper part begin among all nodes.
     """
 
     nodes: np.ndarray
     triangles: np.ndarray
-    instances: np.ndarray
-    roots: NDArray[np.int64]
+    instances: NDArray[np.uint32]
+    roots: Integers
+    firsts: Integers
+    slots: np.ndarray
+    levels: list[int]
     left_out: int
 
 
@@ -75,23 +81,67 @@ def moved(nodes: np.ndarray, by_nodes: int, by_leaves: int) -> np.ndarray:
     return shifted
 
 
-def mesh_tree(positions: Floats, indices: NDArray[np.uint32], largest: int = model.LEAF_LARGEST) -> MeshTree:
-    """Return the hierarchy over the triangles of a mesh, (V, 3) positions and (3 T,) indices.
+def mesh_tree(
+    positions: Floats,
+    indices: NDArray[np.uint32],
+    *,
+    mesh: int = 0,
+    deforming: bool = False,
+    largest: int = model.LEAF_LARGEST,
+) -> MeshTree:
+    """Return the hierarchy over the triangles of a mesh, (V, 3) positions and (3 T,) indices; `mesh` is its number.
 
-    Triangles with a corner that is not finite, or beyond 1e18, and those without area are left out: no ray may hit them.
+    Triangles with a corner that is not finite, or beyond 1e18, and those without area are left out: no ray may hit them. A
+    deforming mesh keeps them, since they may get an area: they lie at 0 in a leaf's list, whose box is without them. It also
+    has room for as many nodes as a rebuild may need (fast.py): those behind the tree's own have no children.
     """
     corners = np.asarray(positions, np.float32)[np.asarray(indices).reshape(-1, 3)]
-    kept = np.flatnonzero(usable(corners))
-    used = corners[kept]
+    sound = usable(corners)
+    kept = np.arange(len(corners)) if deforming else np.flatnonzero(sound)
+    used = np.where(sound[kept, None, None], corners[kept], np.float32(0.0))
     tree = build(used.min(axis=1), used.max(axis=1), largest)
     triangles = np.zeros(len(kept), model.TRIANGLE)
     for corner, name in enumerate("abc"):
         triangles[name] = used[tree.order, corner]
-    triangles["primitive"] = kept[tree.order]
-    box = np.zeros((2, 3), np.float32)
-    if len(kept):
-        box[:] = used.min(axis=(0, 1)), used.max(axis=(0, 1))
-    return MeshTree(nodes_of(tree), triangles, box, tree.levels, len(corners) - len(kept))
+    triangles["primitive"], triangles["mesh"] = kept[tree.order], mesh
+    triangles["flags"] = np.where(sound[kept[tree.order]], 0, model.UNUSABLE)
+    nodes = nodes_of(tree)
+    if deforming:
+        if not sound.all():
+            refit(nodes, tree.levels, triangles)
+        nodes = np.concatenate([nodes, np.repeat(nothing(), max(len(kept) - 1 - len(nodes), 0))])
+    box = np.stack([
+        np.minimum(nodes["low0"][0], nodes["low1"][0]), np.maximum(nodes["high0"][0], nodes["high1"][0])
+    ])  # fmt: skip
+    return MeshTree(nodes, triangles, box, tree.levels, int((~sound).sum()))
+
+
+def refit(nodes: np.ndarray, levels: list[int], triangles: np.ndarray | None = None) -> None:
+    """Enlarge or shrink the boxes of nodes numbered from 0, in place, from the last level to the root.
+
+    Boxes of leaves come from `triangles`; without any, leaves keep theirs. The kernel does the same (refit.comp).
+    """
+    if triangles is not None and len(triangles):
+        corners = np.stack([triangles[name] for name in "abc"], axis=1)
+        lows, highs = corners.min(axis=1), corners.max(axis=1)
+        unusable = (triangles["flags"] & model.UNUSABLE) != 0
+        lows[unusable], highs[unusable] = np.inf, -np.inf
+    for begin, end in zip(levels[-2::-1], levels[:0:-1], strict=True):
+        level = nodes[begin:end]
+        for side in "01":
+            code = level[f"child{side}"]
+            inner = np.flatnonzero(code < model.LEAF)
+            below = nodes[code[inner]]
+            level[f"low{side}"][inner] = np.minimum(below["low0"], below["low1"])
+            level[f"high{side}"][inner] = np.maximum(below["high0"], below["high1"])
+            leaf = np.flatnonzero((code >= model.LEAF) & (code != model.NO_CHILD))
+            if triangles is None or not len(leaf):
+                continue
+            first = code[leaf] & np.uint32((1 << model.COUNT_SHIFT) - 1)
+            last = first + (code[leaf] >> np.uint32(model.COUNT_SHIFT) & np.uint32(3))
+            each = np.minimum(first[:, None] + np.arange(model.LEAF_LARGEST), last[:, None]).astype(np.int64)
+            level[f"low{side}"][leaf] = lows[each].min(axis=1)
+            level[f"high{side}"][leaf] = highs[each].max(axis=1)
 
 
 def usable(corners: Floats) -> NDArray[np.bool_]:
@@ -113,6 +163,18 @@ def world_boxes(world_from_object: NDArray[np.float64], boxes: Floats) -> Floats
     return np.stack([np.nextafter(low, np.float32(-np.inf)), np.nextafter(high, np.float32(np.inf))], axis=1)
 
 
+def inverses(world_from_object: NDArray[np.float64]) -> tuple[Floats, NDArray[np.bool_]]:
+    """Return the rows of the records of matrices (I, 3, 4), and which of these have an inverse that is finite."""
+    finite = np.isfinite(world_from_object).all(axis=(1, 2))
+    linear = np.where(finite[:, None, None], world_from_object[:, :, :3], 0.0)
+    sound = finite & (np.linalg.det(linear) != 0)
+    rows = np.zeros((len(linear), 3, 4), np.float32)
+    with np.errstate(over="ignore"):
+        rows[:, :, :3] = np.linalg.inv(np.where(sound[:, None, None], linear, np.eye(3)))
+        rows[:, :, 3] = np.where(finite[:, None], world_from_object[:, :, 3], 0.0)
+    return rows, sound & np.isfinite(rows).all(axis=(1, 2))
+
+
 def buffers(
     meshes: Sequence[MeshTree],
     world_from_object: ArrayLike,
@@ -123,54 +185,75 @@ def buffers(
 ) -> Buffers:
     """Return all buffers of a scene of instances, given by matrices (I, 3 or 4, 4), meshes (I,), masks, ids and flags.
 
-    Instances that no ray can meet are left out of the upper level: those whose mask is 0, whose mesh is empty, and whose
-    matrix is singular or not finite. Raises ValueError for more than 2^24 instances or 2^29 triangles.
+    The box of an instance that no ray can meet is inside out: its mask is 0, its mesh is empty, or its matrix is singular or
+    not finite. Raises ValueError for more than 2^24 instances or 2^29 triangles.
     """
-    matrices = np.asarray(world_from_object, np.float64).reshape(-1, np.shape(world_from_object)[-2], 4)[:, :3]
-    mesh_of = np.asarray(mesh_of, np.int64)
-    count = len(matrices)
-    if count > model.INSTANCES_LARGEST:
-        raise ValueError(f"a scene of {count} instances is too large for rays: they know 2^24 at most")
+    matrices = np.asarray(world_from_object, np.float64)
+    matrices = matrices.reshape(-1, matrices.shape[-2], 4)[:, :3]
+    mesh_of, count = np.asarray(mesh_of, np.int64), len(matrices)
+    check_sizes(count, sum(len(mesh.triangles) for mesh in meshes))
     sizes = [len(mesh.nodes) for mesh in meshes], [len(mesh.triangles) for mesh in meshes]
     roots, firsts = (np.concatenate([[0], np.cumsum(part)]).astype(np.int64) for part in sizes)
-    if firsts[-1] > model.TRIANGLES_LARGEST:
-        raise ValueError(f"meshes of {firsts[-1]} triangles are too large for rays: they know 2^29 at most")
-    below = [moved(mesh.nodes, int(root), int(first)) for mesh, root, first in zip(meshes, roots, firsts, strict=False)]
-    boxes = np.array([mesh.box for mesh in meshes], np.float32).reshape(-1, 2, 3)
-
-    records = np.zeros(count, model.INSTANCE)
-    linear = matrices[:, :, :3]
-    finite = np.isfinite(matrices).all(axis=(1, 2))
-    sound = finite & (np.linalg.det(np.where(finite[:, None, None], linear, 0.0)) != 0)
-    inverse = np.linalg.inv(np.where(sound[:, None, None], linear, np.eye(3)))
-    records["object_from_world"][:, :, :3] = inverse
-    records["object_from_world"][:, :, 3] = -np.einsum("nij,nj->ni", inverse, np.where(sound[:, None], matrices[:, :, 3], 0))
-    records["root"], records["mask"], records["flags"] = roots[mesh_of], mask, flags
-    records["id"] = np.arange(count) if ids is None else ids
-    own = boxes[mesh_of]
-    records["centre"][:, :3], records["extent"][:, :3] = own.mean(axis=1), own[:, 1] - own.mean(axis=1)
-    full = np.array([len(mesh.triangles) > 0 for mesh in meshes], bool)[mesh_of]
-    kept = np.flatnonzero(sound & full & (records["mask"] != 0))
-    placed = world_boxes(matrices[kept], own[kept])
+    boxes = np.array([mesh.box for mesh in meshes], np.float32).reshape(-1, 2, 3)[mesh_of]
+    rows, sound = inverses(matrices)
+    masks = np.broadcast_to(np.asarray(mask, np.uint32), count)
+    seen = sound & (boxes[:, 0] <= boxes[:, 1]).all(axis=1)
+    placed = np.zeros((count, 2, 3), np.float32)
+    placed[seen] = world_boxes(matrices[seen], boxes[seen])
     tree = build(placed[:, 0], placed[:, 1], 1)
-    head = np.zeros(1, HEAD)
-    head["root"] = roots[-1]
-    if len(kept):
-        middle = placed.mean(axis=(0, 1))
-        low, high = placed[:, 0].min(axis=0), placed[:, 1].max(axis=0)
-        middle = (low + high) / 2
-        head["centre"][0, :3], head["extent"][0, :3] = middle, np.maximum(high - middle, middle - low)
-    top = moved(nodes_of(tree), int(roots[-1]), 0)
-    instances = np.concatenate([head.view(np.uint32), records[kept[tree.order]].view(np.uint32)])
-    triangles = [mesh.triangles for mesh in meshes] if firsts[-1] else [np.zeros(1, model.TRIANGLE)]
+    order, top = tree.order, nodes_of(tree)
+    records = np.zeros(count, model.INSTANCE)
+    records["rows"], records["root"] = rows[order], roots[mesh_of[order]]
+    records["id"] = order if ids is None else np.asarray(ids)[order]
+    records["flags"] = np.broadcast_to(np.asarray(flags, np.uint32), count)[order]
+    records["mask"] = np.where(seen, masks, 0)[order]
+    slots = np.zeros(count, model.SLOT)
+    slots["instance"], slots["mask"], slots["flags"] = records["id"], masks[order], records["flags"]
+    for side in range(2):
+        code = top[f"child{side}"]
+        leaf = np.flatnonzero((code >= model.LEAF) & (code != model.NO_CHILD))
+        record = code[leaf] & np.uint32((1 << model.COUNT_SHIFT) - 1)
+        slots["box"][record] = 2 * (leaf + roots[-1]) + side
+        hidden = leaf[records["mask"][record] == 0]
+        top[f"low{side}"][hidden], top[f"high{side}"][hidden] = np.inf, -np.inf
+    refit(top, tree.levels)
+    head = np.zeros(1, model.HEAD)
+    head["root"], head["count"] = roots[-1], count
+    below = [
+        moved(mesh.nodes, int(root), int(first))
+        for mesh, root, first in zip(meshes, roots[:-1], firsts[:-1], strict=True)
+    ]
     return Buffers(
-        np.concatenate([*below, top]),
-        np.concatenate(triangles),
-        instances,
+        np.concatenate([*below, moved(top, int(roots[-1]), 0)]),
+        np.concatenate([*(mesh.triangles for mesh in meshes), np.zeros(int(firsts[-1] == 0), model.TRIANGLE)]),
+        np.concatenate([head.view(np.uint32), records.view(np.uint32)]),
         roots[:-1],
+        firsts[:-1],
+        slots,
+        [int(roots[-1]) + level for level in tree.levels],
         sum(mesh.left_out for mesh in meshes),
     )
 
 
-HEAD = np.dtype([("root", np.uint32, 4), ("centre", np.float32, 4), ("extent", np.float32, 4)])
-"""What the buffer of instances begins with: the node of the upper level, and the box around it."""
+def check_sizes(instances: int, triangles: int) -> None:
+    """Raise ValueError if there are more than the records can count."""
+    if instances > model.INSTANCES_LARGEST:
+        raise ValueError(f"a scene of {instances} instances is too large for rays: they know 2^24 at most")
+    if triangles > model.TRIANGLES_LARGEST:
+        raise ValueError(f"meshes of {triangles} triangles are too large for rays: they know 2^29 at most")
+
+
+def refit_lists(meshes: Sequence[tuple[int, list[int]]]) -> list[NDArray[np.uint32]]:
+    """Return lists of nodes to refit one after the other, deepest level first, of hierarchies (first node, levels).
+
+    Levels that are equally deep share a list: the longest path decides how many dispatches there are, not how many meshes.
+    """
+    depth = max((len(levels) - 1 for _, levels in meshes), default=0)
+    return [
+        np.concatenate([
+            np.arange(first + levels[at], first + levels[at + 1], dtype=np.uint32)
+            for first, levels in meshes
+            if at < len(levels) - 1
+        ])
+        for at in range(depth - 1, -1, -1)
+    ]  # fmt: skip

@@ -1,48 +1,43 @@
 // Traversal of the hierarchy that rays/bvh/ builds: instances above, triangles of meshes below. bvh/model.py lays out the
-// records. A pass may place the three buffers by the macros BVH_*_AT.
+// records.
+//
+// NON_OPAQUE: what includes this has a function `bool accept(Hit)`, which decides on candidates in instances of that flag;
+// candidates come in any order, each once. STEPS: `bvh_steps` counts.
 
 #include "watertight.glsl"
 #include "slabs.glsl"
 #include "rays/ray.glsl"
+#include "rays/bvh/records.glsl"
 
-#ifndef BVH_NODES_AT
-#define BVH_NODES_AT BIND(2, 0, 0)
-#define BVH_TRIANGLES_AT BIND(2, 1, 1)
-#define BVH_INSTANCES_AT BIND(2, 2, 2)
-#endif
+const uint BVH_PASSED = BVH_NO_CHILD - 1u;  // in the place of a code: a hit in front of that box was found since
 
-struct BvhInstance {
-    vec4 object_from_world[3];  // rows
-    uvec4 what;                 // node at which the mesh begins, mask, id, flags
-    vec4 centre;                // of the mesh's box, in object space
-    vec4 extent;
-};
-
-layout(BVH_NODES_AT, std430) readonly buffer Bvh_nodes_ { vec4 bvh_nodes[]; };
-layout(BVH_TRIANGLES_AT, std430) readonly buffer Bvh_triangles_ { vec4 bvh_triangles[]; };
-layout(BVH_INSTANCES_AT, std430) readonly buffer Bvh_instances_ {
-    uvec4 bvh_root;  // x: the node at which the upper level begins
-    vec4 bvh_centre;  // of the box around all instances
-    vec4 bvh_extent;
-    BvhInstance bvh_instances[];
-};
-
-#ifdef NON_OPAQUE
-#include "rays/accept.glsl"
-#endif
 #ifdef STEPS
 uint bvh_steps = 0u;  // nodes and leaves of the last trace
 #endif
 
+// Boxes below node `root` seen along a ray: of that node they are the largest, and all that its pad depends on.
+SlabRay bvh_slabs(uint root, vec3 origin, vec3 direction, float roundings) {
+    vec3 low = min(bvh_nodes[4u * root].xyz, bvh_nodes[4u * root + 2u].xyz);
+    vec3 high = max(bvh_nodes[4u * root + 1u].xyz, bvh_nodes[4u * root + 3u].xyz);
+    bool empty = any(greaterThan(low, high));
+    return slab_ray(
+        origin, direction, empty ? vec3(0.0) : 0.5 * low + 0.5 * high, empty ? vec3(0.0) : 0.5 * high - 0.5 * low, roundings);
+}
+
 Hit bvh_traverse(Ray ray, uint mask, bool any) {
     Hit hit = Hit(ray.t_max, NO_HIT, 0u, vec2(0.0), 0u);
-    SlabRay world_slabs = slab_ray(ray.origin, ray.direction, bvh_centre.xyz, bvh_extent.xyz), slabs = world_slabs;
+    if (bvh_head.y == 0u) {
+        return hit;
+    }
+    // Instances see the ray in their own space, with roundings of two matrices.
+    SlabRay world_slabs = bvh_slabs(bvh_head.x, ray.origin, ray.direction, 32.0), slabs = world_slabs;
     ShearedRay sheared_ = sheared_ray(ray.origin, ray.direction);
     uint stack[BVH_STACK];
+    float begins[BVH_STACK];  // where the ray enters the box of what is put off
     uint size = 0u;
     uint floor_ = BVH_NO_CHILD;  // the stack's size at which the instance ends; none in the upper level
     uint instance = 0u, flags = 0u;
-    uint code = bvh_root.x;
+    uint code = bvh_head.x;
     bool going = true;
 #ifdef STEPS
     bvh_steps = 0u;
@@ -52,7 +47,9 @@ Hit bvh_traverse(Ray ray, uint mask, bool any) {
 #ifdef STEPS
         ++bvh_steps;
 #endif
-        if ((code & BVH_LEAF) == 0u) {
+        if (code >= BVH_PASSED) {
+            // Nothing, or what is behind the hit. (A ray that is not a number may come to a child that is none.)
+        } else if ((code & BVH_LEAF) == 0u) {
             uint at = code * 4u;
             vec4 low0 = bvh_nodes[at], high0 = bvh_nodes[at + 1u], low1 = bvh_nodes[at + 2u], high1 = bvh_nodes[at + 3u];
             vec2 span0 = slab_interval(slabs, low0.xyz, high0.xyz, ray.t_min, hit.t);
@@ -64,20 +61,17 @@ Hit bvh_traverse(Ray ray, uint mask, bool any) {
             pop = !(hit0 || hit1);
             if (hit0 && hit1) {
                 stack[size] = swap ? child0 : child1;
+                begins[size] = swap ? span0.x : span1.x;
                 ++size;
             }
         } else if (floor_ == BVH_NO_CHILD) {
             instance = code & ((1u << BVH_COUNT_SHIFT) - 1u);
             BvhInstance record = bvh_instances[instance];
             if ((record.what.y & mask) != 0u) {
-                vec4 point = vec4(ray.origin, 1.0);
-                vec3 origin = vec3(
-                    dot(record.object_from_world[0], point), dot(record.object_from_world[1], point),
-                    dot(record.object_from_world[2], point));
-                vec3 direction = vec3(
-                    dot(record.object_from_world[0].xyz, ray.direction), dot(record.object_from_world[1].xyz, ray.direction),
-                    dot(record.object_from_world[2].xyz, ray.direction));
-                slabs = slab_ray(origin, direction, record.centre.xyz, record.extent.xyz);
+                vec3 away = ray.origin - vec3(record.rows[0].w, record.rows[1].w, record.rows[2].w);
+                mat3 rows = mat3(record.rows[0].xyz, record.rows[1].xyz, record.rows[2].xyz);
+                vec3 origin = away * rows, direction = ray.direction * rows;
+                slabs = bvh_slabs(record.what.x, origin, direction, 8.0);
                 sheared_ = sheared_ray(origin, direction);
                 code = record.what.x;
                 instance = record.what.z;
@@ -115,7 +109,7 @@ Hit bvh_traverse(Ray ray, uint mask, bool any) {
             }
             if (going) {
                 --size;
-                code = stack[size];
+                code = begins[size] < hit.t ? stack[size] : BVH_PASSED;
             }
         }
     }

@@ -1,20 +1,26 @@
-"""The buffers of our BVH on Vulkan."""
+"""Our BVH on Vulkan."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from backends.vulkan import api as vk
 from backends.vulkan.resources import Buffer
 from backends.vulkan.upload import Uploader
 
 from ...frames.commands import SceneBinding
+from ...frames.frame import SLOTS
 from ...frames.vulkan_commands import Commands
 from ...pipelines.description import Built
+from ...pipelines.vulkan_descriptors import Held, Sets
 from ...scene.vulkan_data import PAGE, TEXTURES
-from .memory import BvhMemory
+from ..passes import BUFFERS
+from .memory import INSTANCES, NODES, TRIANGLES, BvhMemory
 
 _STORED = (
     vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT
@@ -24,21 +30,64 @@ _STORED = (
 
 
 class Memory(BvhMemory):
-    """Buffers of the renderer's resources, which free them."""
+    """Buffers of the renderer's resources, which free them, and a descriptor set for each kernel, slot and page."""
 
-    def bind_pass(self, commands: Commands, pipeline: Built, scene: SceneBinding, page: Any, textures: Any) -> None:
+    _sets: Sets | None = None
+
+    def bind_pass(
+        self, commands: Commands, pipeline: Built, scene: SceneBinding, page: Any, textures: Any
+    ) -> None:
         """Bind a kernel, the scene, a page and a set of textures."""
         commands.bind_compute(pipeline, scene)
         commands.bind_compute_set(pipeline, PAGE, page[0])
         if textures is not None:
             commands.bind_compute_set(pipeline, TEXTURES, textures)
 
-    def _create(self, content: np.ndarray, name: str) -> Buffer:
+    def _create(self, content: NDArray[np.uint8], name: str) -> Buffer:
         resources = self._backend.resources
         buffer: Buffer = resources.buffers.get(resources.buffer(content.nbytes, _STORED, "device", name))
         with Uploader(self._backend.device) as uploader:
             uploader.buffer(buffer, content)
         return buffer
+
+    def _replace(self, content: Mapping[str, NDArray[np.uint8]]) -> None:
+        self._backend.device.wait_idle()
+        with Uploader(self._backend.device) as uploader:
+            for name, part in content.items():
+                if self.buffers[name].size >= part.nbytes:
+                    uploader.buffer(self.buffers[name], part)
+        self._make_bindings()
+
+    def _make_bindings(self) -> None:
+        descriptors, data = self._backend.descriptors, self._data
+        if self._sets is not None:
+            self._backend.resources.defer(partial(descriptors.destroy, self._sets))
+        shared: dict[int, Held] = {binding: self.buffers[name] for binding, name in enumerate(BUFFERS)}
+        held: dict[tuple[str, int, int], dict[int, Held]] = {}
+        for slot in range(SLOTS):
+            held[NODES, slot, 0] = shared | {3: self.buffers["list"]}
+            held[INSTANCES, slot, 0] = shared | {4: self.buffers["slots"]} | data.held_instances(slot, 3, 5)
+            for page in range(len(data.pages)) if self._deforming else ():
+                own: dict[int, Held] = {3: self.buffers["meshes"], 4: data.page_buffer(slot, page)}
+                held[TRIANGLES, slot, page] = shared | own
+        described = []
+        for (kernel, slot, page), content in held.items():
+            layout = self._built[kernel].sets[0]
+            assert layout is not None, "the kernel has buffers"
+            described.append((layout, content, f"ray {kernel}, slot {slot}, page {page}"))
+        self._sets = descriptors.create(described)
+        handles = [vk.array("VkDescriptorSet", [handle]) for handle in self._sets.handles]
+        self._bound = dict(zip(held, handles, strict=True))
+
+    def _bind_kernel(self, commands: Commands, kernel: str, pipeline: Built, slot: int, page: int) -> None:
+        commands.bind_compute(pipeline)
+        commands.bind_compute_set(pipeline, 0, self._bound[kernel, slot, page])
+
+    def close(self) -> None:
+        """Free the sets; the buffers belong to the resources."""
+        if self._sets is not None:
+            self._backend.descriptors.destroy(self._sets)
+            self._sets = None
 
 
 open_structures = Memory
