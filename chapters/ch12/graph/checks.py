@@ -6,14 +6,8 @@ import math
 from collections.abc import Collection, Mapping
 from typing import Any, get_args
 
-<<<<<<< ch12
 from backends.contract import Access, Pass, RateUse, RayUse, Use
-||||||| the chapter before, without the fix
-from backends.contract import Access, Pass, RateUse, Use
-=======
-from backends.contract import Access, Pass, RateUse, Use
 from common.errors import UserError
->>>>>>> the chapter before, with the fix
 from common.names import suggest
 
 from ..post.settings import RAW
