@@ -91,8 +91,8 @@ STUDY_SETTINGS = {
 """Settings with which every driver can draw a study's picture, or it says more."""
 WITH_STUDIES = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11)
 """The chapters that have studies."""
-BY_FIGURES = {"9/shading-rates"}
-"""Studies that no software driver draws: a figure shows what they do."""
+BY_FIGURES = {"9/shading-rates", "11/dynamic-resolution"}
+"""Studies that no software driver draws, or that one frame does not show: a figure shows what they do."""
 
 
 def halved(codes: NDArray[np.uint8]) -> NDArray[Any]:

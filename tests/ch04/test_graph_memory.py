@@ -10,6 +10,7 @@ import pytest
 from backends.contract import Access
 from chapters.ch04.graph import types as words
 from chapters.ch04.graph.frame_graph import compile_graph
+from chapters.ch04.graph.memory.placement import users_before
 from chapters.ch04.graph.types import Node, Requirement
 from tests.support.graph_truths import PREVIOUS, Truth
 from tests.support.random_graphs import random_graph
@@ -166,3 +167,26 @@ def test_memory_of_another_type_is_another_heap():
     graph = compile_graph(chain(5), (8, 8), ["image4"], requirements=needs)
     place = graph.memory.places
     assert place["image0"].heap == place["image2"].heap != place["image1"].heap == place["image3"].heap
+
+
+@aliasing
+def test_who_used_texels_in_the_padding_of_a_later_user_is_waited_for_as_well():
+    """Validation follows chains of barriers over texels only; all bytes are ordered, too."""
+    lives = {"old": (0, 1), "padded": (2, 3), "new": (4, 5), "in padding": (6, 7)}
+
+    def users(padding):
+        places = {
+            "old": words.Place(0, 0, 100),
+            "padded": words.Place(0, 0, 100, padding),
+            "new": words.Place(0, 0, 100, 30),
+            "in padding": words.Place(0, 80, 20),
+        }
+        return users_before(words.Memory(lives, places, (words.Heap(100, 1),), 320, 100))
+
+    assert users(40) == {
+        "old": ["in padding", "new", "old"],
+        "padded": ["old"],
+        "new": ["old", "padded"],
+        "in padding": ["new", "old"],
+    }
+    assert users(0)["new"] == ["padded"] and users(0)["in padding"] == ["new", "padded"]

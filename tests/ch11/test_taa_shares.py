@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from chapters.ch11.taa.model import RESIDUE, REST_PERIODS, SETTLING_SHARE, Shares
+from chapters.ch11.taa.model import FRAMES_BEFORE, RESIDUE, REST_PERIODS, SETTLING_SHARE, Shares, short_means
 
 PERIOD = 4
 WHOLE = REST_PERIODS * PERIOD
@@ -26,19 +26,32 @@ def test_equal_frames_from_the_start_weigh_the_same():
 
 
 @pytest.mark.feature("taa/history")
-def test_equal_frames_after_others_weigh_the_same_and_the_others_the_residue():
-    shares = Shares(0.1, PERIOD, averages=True)
+@pytest.mark.parametrize("period", [1, 2, PERIOD, 8, 36, 64])
+def test_equal_frames_after_others_weigh_the_same_by_the_place_in_their_period(period):
+    """All points of the jitter have the same weight in the end, and the frames before have the residue at most.
+
+    A mean begins with a share of 1 / (FRAMES_BEFORE + 1), never with a larger one.
+    """
+    shares = Shares(0.1, period, averages=True)
     moving = [shares.next(still=False, valid=n > 0) for n in range(12)]
     assert moving[:3] == [1.0, 1 / 2, 1 / 3] and moving[-1] == 0.1
-    equal = []
+    equal, begins = [], []
     while not shares.resting:
         equal.append(shares.next(True, True))
-    assert min(equal[: PERIOD - 1]) == SETTLING_SHARE
-    assert len(equal) == WHOLE + PERIOD - 1  # the last frame of those that moved shows the same as well
+        begins.append(shares.begins)
+    settling = period - 1  # the last frame of those that moved shows the same as well
+    means = len(equal) - settling
+    assert means == (short_means(period) + REST_PERIODS) * period
+    assert set(equal[:settling]) <= {SETTLING_SHARE}
+    assert max(equal) == pytest.approx(1 / (FRAMES_BEFORE + 1))
+    assert np.flatnonzero(begins).tolist() == [settling + n * period for n in range(short_means(period) + 1)]
     of_all = weights(moving + equal)
     assert of_all.sum() == pytest.approx(1.0)
-    assert np.allclose(of_all[-WHOLE:], (1 - RESIDUE) / WHOLE, rtol=1e-12)
-    assert of_all[:-WHOLE].sum() == pytest.approx(RESIDUE)
+    by_place = of_all[-means:].reshape(-1, period).sum(axis=0)
+    before = of_all[:-means].sum()
+    assert np.allclose(by_place, (1 - before) / period, rtol=1e-12)
+    assert np.allclose(of_all[-REST_PERIODS * period :], of_all[-1], rtol=1e-12)
+    assert 0.0 < before <= RESIDUE
 
 
 @pytest.mark.feature("taa/history")

@@ -352,8 +352,9 @@ def random_graph(
 
 
 def _requirement(resource: Any, words: Any, salt: int) -> Any:
-    """A memory requirement that only depends on the resource's name: sizes are odd, alignments differ."""
+    """A memory requirement that only depends on the resource's name: sizes are odd, alignments and padding differ."""
     random = np.random.default_rng([salt, *resource.name.encode()])
     size = int(random.integers(1, 1 << int(random.integers(4, 22))))
     types = int((1, 3, 6, 7)[int(random.integers(4))])
-    return words.Requirement(size, 1 << int(random.integers(0, 13)), types)
+    alignment = 1 << int(random.integers(0, 13))
+    return words.Requirement(size, alignment, types, max(0, int(random.integers(-size, size // 2 + 1))))

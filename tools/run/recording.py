@@ -16,6 +16,7 @@ from common import images
 from common.errors import UserError
 from common.view.paths import CameraPath, Stage, parse_path
 from tools.run.films import FILMS, check_film, write_film
+from tools.run.pacing import Pacer
 
 if TYPE_CHECKING:
     from backends.contract import Frame, Renderer
@@ -110,10 +111,12 @@ def record(request: Request, renderer: Renderer, log: Log, target: Path, steps: 
     start = chapters.view_of(renderer, request.camera, request.time)
     stage = Stage.of(renderer.scene, start, request.size)
 
+    pacer = Pacer()
+
     def drawn() -> Iterator[Frame]:
         for index, view in enumerate(path.views(stage, count, request.fps)):
             steps("first frame" if index == 0 else "frames", 0.7 + 0.3 * index / count)
-            frame = renderer.render(view, request.time + index / request.fps)
+            frame = pacer.render(renderer, view, request.time + index / request.fps)
             log.add(frame)
             yield frame
 

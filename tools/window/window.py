@@ -24,6 +24,7 @@ from common.view.positioners import Orbit
 from tools.cli.console import say
 from tools.panel.panel import Panel, PanelActions, PanelState, open_panel
 from tools.run.live import Live
+from tools.run.pacing import LATENCY, Pacer
 from tools.window.camera import camera_text, first_person, open_camera, orbit
 from tools.window.graph import WindowGraph
 from tools.window.keys import freeze_culling
@@ -47,9 +48,6 @@ TITLE_EVERY_S = 0.5
 
 STEP_S = 1 / 60
 """How far the panel's step lets time go."""
-
-LATENCY = 2
-"""Frames after which figures of the GPU are read: by then the renderer itself has waited for them."""
 
 
 class Shows(Protocol):
@@ -110,6 +108,7 @@ class Loop:
         self._since, self._frames_since, self._rate = 0.0, 0, 0.0
         self._ev100 = camera.ev100
         self._warned = len(renderer.scene.warnings)
+        self._pacer = Pacer()
         self._unread: deque[Frame] = deque()  # frames whose figures the GPU may still be writing
         self._work: Mapping[str, int] = {}
         self._warm = False  # in a renderer's first frame drivers compile: its times would dwarf all others
@@ -168,7 +167,7 @@ class Loop:
         view = self.camera.advance(min(passed, LONGEST_STEP_S), window.inputs)
         panel = self.panel if self.panel is not None and self.panel.visible else None
         due = always or self.stop.due or not renderer.idle(view, self.time)
-        frame = renderer.render(view, self.time) if due else None
+        frame = self._pacer.render(renderer, view, self.time) if due else None
         if frame is not None:
             self.reference.drawn(passed)
         else:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from backends.contract import FrameInfo, Pass, Technique
 
@@ -21,6 +22,7 @@ class ClusterTechnique(Technique):
         """Make the pass, and let the passes that light surfaces read its lists."""
         self._parts, self._backend = parts, backend
         self._buffer: ListBuffer | None = None
+        self._whole: ListLayout | None = None
         self._pass = LightListsPass(parts)
         self.passes = {self._pass.name: self._pass}
         if needed(parts.scene, parts.settings):
@@ -28,14 +30,21 @@ class ClusterTechnique(Technique):
             read_lists([gpu_pass for name, gpu_pass in passes.items() if name in LIT])
 
     def prepare(self, frame: FrameInfo) -> int:
-        """Make the buffer anew if the picture has another size."""
+        """Lay the lists out for the pixels that are drawn, and make the buffer anew if the picture has another size.
+
+        The buffer has room for lists of all pixels of the picture.
+        """
         count = len(self._parts.scene.lights)
         kept = min(count, self._parts.settings.clusters.most_lights)
         self.work = {"lights": kept, "lights_left_out": count - kept} if kept < count else {}
         if self._buffer is None or (self._pass.layout and self._pass.layout.size == frame.size):
             return 0
-        self._pass.layout = layout = ListLayout.of(kept, frame.size, self._buffer.most_bytes)
-        self._buffer.make(layout.words * 4)
+        whole = ListLayout.of(kept, frame.picture, self._buffer.most_bytes)
+        self._pass.layout = replace(whole, size=frame.size)
+        if whole == self._whole:
+            return 0
+        self._whole = whole
+        self._buffer.make(whole.words * 4)
         self._backend.make_sets(frame.passes)
         self._backend.frames.forget()
         draws = self._parts.draws

@@ -75,6 +75,8 @@ class Requirement:
     size: int
     alignment: int = 1
     types: int = 1
+    padding: int = 0
+    """The bytes at the end of `size` that hold no texels if rows are packed."""
 
 
 @dataclass(frozen=True)
@@ -195,6 +197,8 @@ class Place:
     heap: int
     offset: int
     size: int
+    padding: int = 0
+    """The bytes at the end that hold no texels."""
 
 
 @dataclass(frozen=True)

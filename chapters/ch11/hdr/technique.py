@@ -12,6 +12,7 @@ from common.view.camera import exposure
 from ..frames.backend.backend import Backend
 from ..scene.pass_parts import PassParts
 from ..settings import Settings
+from ..taa import model as taa
 from . import model
 from .bloom import bloom_passes
 from .memory import ExposureMemory
@@ -34,6 +35,7 @@ class HdrTechnique(Technique):
     def __init__(self, scene: Scene, settings: Settings) -> None:
         super().__init__(scene, settings)
         model.check(settings.hdr)
+        self.settles_last = bool(model.automatic(settings)) and taa.averages_exposed(settings)
         self._memory: ExposureMemory | None = None
         self._rest_after_s = model.rest_after_s(settings)
         self._before: float | None = None

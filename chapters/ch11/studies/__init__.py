@@ -1,1 +1,1 @@
-"""Small programs beside the chapter, about one idea each: `strata run 8/bias-explorer`."""
+"""Small programs beside the chapter, about one idea each: `strata run 11/dynamic-resolution`."""

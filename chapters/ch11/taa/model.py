@@ -19,8 +19,11 @@ HALF_SLACK = 5e-4
 SETTLING_SHARE = 0.25
 """Share of a frame at least, in the period between the last movement and the mean."""
 
-RESIDUE = 0.05
-"""Part of an earlier history in the mean of frames that show the same."""
+FRAMES_BEFORE = 3.0
+"""Frames as which an earlier history counts at the beginning of a mean."""
+
+RESIDUE = 6e-4
+"""Part of an earlier history at most in a picture that rests: about a code of 255 for a white one."""
 
 KERNEL_RADIUS = 1.25
 """Radius of the kernel that weights samples which are drawn at a scale, in pixels of the picture."""
@@ -44,17 +47,29 @@ def averages(settings: Settings) -> bool:
     return settings.taa.taa == "full" and settings.taa.taa_average
 
 
+def averages_exposed(settings: Settings) -> bool:
+    """Whether frames are averaged while the exposure adapts: the history is multiplied by the ratio of exposures.
+
+    A history of halves would lose small steps of exposure, and rates by a Sobel filter depend on it.
+    """
+    return (
+        in_use(settings)
+        and averages(settings)
+        and settings.taa.taa_format == "rgba32f"
+        and settings.rates.rate_policy != "sobel"
+    )
+
+
 def scale_defines(settings: Settings, period: int) -> Defines:
     """Return the defines of resolve.comp for a picture with more pixels than are drawn; `period` is that of the jitter.
 
-    WEIGHT_BEFORE is the weight of a history of moving pictures in the mean that follows, in sums of the kernel's
-    weights: as many frames as have the part RESIDUE of the mean, times the mean sum of a frame.
+    WEIGHT_BEFORE is the weight of a history at the beginning of a mean, in sums of the kernel's weights: FRAMES_BEFORE
+    times the mean sum of a frame.
     """
     if scale(settings) == 1.0:
         return ()
-    frames = RESIDUE / (1.0 - RESIDUE) * REST_PERIODS * period
     area = (HARRIS_MEAN * 2.0 * KERNEL_RADIUS) ** 2
-    weight = frames * area * scale(settings) ** 2
+    weight = FRAMES_BEFORE * area * scale(settings) ** 2
     return ("SCALED", 1), ("KERNEL_RADIUS", KERNEL_RADIUS), ("WEIGHT_BEFORE", weight)
 
 
@@ -88,6 +103,12 @@ def texture_defines(settings: Settings) -> Defines:
     return (*bias, *((("STEADY_UV", 1),) * settings.taa.steady_uv))
 
 
+def short_means(period: int) -> int:
+    """Return how many means over a `period` of frames come before the last mean, so that RESIDUE is left at most."""
+    each, last = (FRAMES_BEFORE / (FRAMES_BEFORE + count) for count in (period, REST_PERIODS * period))
+    return max(0, math.ceil(math.log(RESIDUE / last) / math.log(each)))
+
+
 class Shares:
     """The share of each frame in the history, from how long the view has not changed.
 
@@ -96,10 +117,12 @@ class Shares:
 
     - If no frame since the reset showed anything else, frame n has the share 1 / n. The history is the mean of all.
     - Otherwise one more period is blended, with SETTLING_SHARE at least, so that what has moved leaves the history: of
-      what the constraint has left of it, 0.75^8 or a tenth after eight frames. Then the K frames of
-      REST_PERIODS periods follow, each with the weight w = (1 - RESIDUE) / K in the final mean: frame j has the share
-      w / (RESIDUE + j w). The history before has the weight RESIDUE. A share of 1 for the first of them would leave
-      no residue, but its aliasing would be visible in that frame.
+      what the constraint has left of it, 0.75^8 or a tenth after eight frames. Then means follow. At the beginning of a
+      mean the history counts as B = FRAMES_BEFORE frames, so frame j has the share 1 / (B + j). After K frames each of
+      them has the weight 1 / (B + K), and the history before has B / (B + K). The first means cover a period each, and
+      the last one REST_PERIODS. Periods are equal, so all means are the same, and what is left of the history is the
+      product of those parts: at most RESIDUE. A share of 1 for the first frame would leave nothing, but its aliasing
+      would be visible in that frame.
 
     After that the share is 0, and the history stays as it is.
     """
@@ -116,12 +139,14 @@ class Shares:
         """Frames that show the same as the last one, the last one included."""
         self.averaging = False
         """Whether the last frame was a part of a mean."""
+        self.begins = False
+        """Whether the last frame began a mean, for which the history counts as FRAMES_BEFORE frames."""
 
     @property
     def frames_to_rest(self) -> int:
         """How many equal frames a picture needs until it rests."""
-        whole = REST_PERIODS * self._period
-        return whole if self.age == self.alike else whole + self._period
+        settling = 0 if self.age == self.alike else 1 + short_means(self._period)
+        return (settling + REST_PERIODS) * self._period
 
     @property
     def resting(self) -> bool:
@@ -136,12 +161,14 @@ class Shares:
         if not valid:
             self.reset()
         if still and self.resting:
+            self.begins = False
             return 0.0
         from_start = self.age == self.alike
         self.alike = self.alike + 1 if still and self.age else 1
-        whole = REST_PERIODS * self._period
-        number = self.alike - self._period
-        self.averaging = self._averages and self.age > 0 and still and (from_start or number > 0)
+        periods, number = divmod(self.alike - 1, self._period)
+        number += max(0, periods - 1 - short_means(self._period)) * self._period  # of the last mean
+        self.averaging = self._averages and self.age > 0 and still and (from_start or periods > 0)
+        self.begins = self.averaging and not from_start and number == 0
         self.age += 1
         if self.age == 1:
             return 1.0
@@ -151,5 +178,4 @@ class Shares:
             return max(self._share, 1.0 / self.age, SETTLING_SHARE if still else 0.0)
         if from_start:
             return 1.0 / self.age
-        weight = (1.0 - RESIDUE) / whole
-        return weight / (RESIDUE + number * weight)
+        return 1.0 / (FRAMES_BEFORE + number + 1)

@@ -31,6 +31,9 @@ layout(BIND(1, 4, 0), FORMAT) uniform writeonly image2D resolved;
 #define DRAWN(pixel) (pixel)
 #endif
 
+// The closest surface of 3x3 pixels is another one than that of the pixel if it is nearer by this part of the distance.
+const float SILHOUETTE = 0.1;
+
 bool is_finite_color(vec3 color) {
     return !any(isnan(color)) && !any(isinf(color));
 }
@@ -92,6 +95,11 @@ vec3 blended(ivec2 pixel, vec4 current, float ratio) {
     ivec2 last = ivec2(size) - 1, at = DRAWN(pixel), led_by = at;
 #ifdef CLOSEST
     led_by = closest(depth, at);
+    // Inside of a surface, which may turn, the vector of the pixel itself is right.
+    float here = inverse_distance(texelFetch(depth, at, 0).r);
+    if (here > (1.0 - SILHOUETTE) * inverse_distance(texelFetch(depth, led_by, 0).r)) {
+        led_by = at;
+    }
 #endif
     vec2 moved = texelFetch(motion, led_by, 0).xy;
 #ifdef LONGEST
@@ -162,7 +170,7 @@ void main() {
             vec3 before = texelFetch(history_color, pixel, 0).rgb * ratio;
             if (is_finite_color(before)) {
 #ifdef SCALED
-                float counted = texelFetch(history_weight, pixel, 0).r;
+                float counted = frame.origin.w > 1.0 ? WEIGHT_BEFORE : texelFetch(history_weight, pixel, 0).r;
                 weight = share > 0.0 ? counted + drawn.weight : counted;
                 share = share > 0.0 ? drawn.weight / weight : 0.0;
 #endif

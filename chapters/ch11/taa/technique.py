@@ -35,6 +35,7 @@ class TaaTechnique(Technique):
         self._index = 0
         self._jitter = (0.0, 0.0)
         self._reset = self._drawn = True
+        self._passes: Any = None
 
     def create(self, parts: PassParts, backend: Backend, passes: Mapping[str, Pass]) -> None:
         """Make the pass."""
@@ -43,7 +44,9 @@ class TaaTechnique(Technique):
 
     def constants(self, frame: FrameInfo) -> dict[str, Any]:
         """Return the jitter of the frame, and the share of the frame in the history."""
-        self._drawn = self._on and any(gpu_pass.name == TaaPass.name for gpu_pass in frame.passes)
+        if frame.passes is not self._passes:
+            self._passes = frame.passes
+            self._drawn = self._on and any(gpu_pass.name == TaaPass.name for gpu_pass in frame.passes)
         if not self._drawn:  # also if the pass is switched off: without a history the picture would tremble
             self.reset("")
             return {}
@@ -60,7 +63,7 @@ class TaaTechnique(Technique):
             "jitter_px": self._jitter,
             "previous_jitter_px": before,
             "history_share": share,
-            "averaging": shares.averaging,
+            "averaging": 2 if shares.begins else int(shares.averaging),
             **({"aspect": frame.picture[0] / frame.picture[1]} if self._scaled else {}),
         }
 

@@ -25,6 +25,7 @@ from backends.vulkan.resources import (
 )
 
 from ...frames.frame import SLOTS
+from ..frame_graph import texels
 from ..types import PREVIOUS, Graph, Requirement, Resource
 from .images import ImagesInSlots
 
@@ -75,7 +76,8 @@ class GraphMemory:
                 values = image_requirements(
                     self._device, resource.format, resource.size, usage, resource.samples
                 )
-            self._known[key] = Requirement(*values)
+            padding = max(0, values[0] - texels(resource).size)
+            self._known[key] = Requirement(*values, padding)
         return self._known[key]
 
 

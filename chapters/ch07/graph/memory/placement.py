@@ -54,7 +54,7 @@ def place_transients(
         offsets = {name: offset for name, (offset, _) in zip(largest, ranges, strict=True)}
         size = max(offset + size for offset, size in ranges)
         for name in names:
-            places[name] = Place(len(heaps), offsets[name], needs[name].size)
+            places[name] = Place(len(heaps), offsets[name], needs[name].size, needs[name].padding)
         heaps.append(Heap(size, types, max(needs[name].alignment for name in names)))
         bound += _most_alive({name: lives[name] for name in names}, needs)
     alone = sum(needs[name].size for name in lives)
@@ -95,14 +95,27 @@ def users_before(memory: Memory) -> dict[str, list[str]]:
 
     A transient that shares no memory is its own last user, in the previous frame. A resource whose bytes all have later
     users is left out: those users waited for it.
+
+    That is a chain of barriers, and by the specification it orders all accesses. But synchronization validation follows
+    a chain only over the bytes of texels, without padding. So the last users of texels are included as well.
     """
+    users = _users(memory, {name: place.size for name, place in memory.places.items()})
+    if any(place.padding for place in memory.places.values()):
+        texels = {name: place.size - place.padding for name, place in memory.places.items()}
+        of_texels = _users(memory, texels)
+        users = {name: sorted({*users[name], *of_texels[name]}) for name in users}
+    return users
+
+
+def _users(memory: Memory, sizes: Mapping[str, int]) -> dict[str, list[str]]:
+    """Return the last users of the bytes of each transient if a use takes `sizes` bytes from the offset on."""
     # By heap, ordered by place: (begin, end, last user of these bytes).
     owners: list[list[tuple[int, int, str]]] = [[] for _ in memory.heaps]
     users: dict[str, list[str]] = {}
     order = sorted(memory.lives, key=lambda name: memory.lives[name])
     for name in (*order, *order):  # the first round is the previous frame
         place = memory.places[name]
-        begin, end = place.offset, place.offset + place.size
+        begin, end = place.offset, place.offset + sizes[name]
         ranges = owners[place.heap]
         since = bisect_right(ranges, begin, key=itemgetter(1))
         until = bisect_left(ranges, end, since, key=itemgetter(0))

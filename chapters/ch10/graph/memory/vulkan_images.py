@@ -25,6 +25,7 @@ from backends.vulkan.resources import (
 )
 
 from ...frames.frame import SLOTS
+from ..frame_graph import texels
 from ..types import PREVIOUS, Graph, Requirement, Resource
 from .images import ImagesInSlots
 
@@ -82,7 +83,8 @@ class GraphMemory:
                     resource.samples,
                     resource.slices or None,
                 )
-            self._known[key] = Requirement(*values)
+            padding = max(0, values[0] - texels(resource).size)
+            self._known[key] = Requirement(*values, padding)
         return self._known[key]
 
 

@@ -72,16 +72,21 @@ class Backend:
 
     # --- a graph ---
 
-    def follow(self, plan: FramePlan, graph: Graph, settings: Settings) -> None:
-        """Create everything that depends on the graph and the picture size: targets, barriers, readbacks."""
+    def follow(self, plan: FramePlan, graph: Graph, settings: Settings, lender: Any = None) -> None:
+        """Create everything that depends on the graph and the picture size: targets, barriers, readbacks.
+
+        `lender` are images of another graph, whose histories this one continues where they are alike.
+        """
         self.frames.forget()
         passes = plan.implementations()
         self._passes = [passes[step.name] for step in graph.steps if step.name != COPY]
-        self.executor = self._execute(graph, passes | {COPY: self.copies}, settings)
+        self.executor = self._execute(graph, passes | {COPY: self.copies}, settings, lender)
         images = [self.executor.images.by_name(graph, slot) for slot in range(SLOTS)]
         self.inspection = self.inspector(self.device, plan.watched(graph), images)
 
-    def _execute(self, graph: Graph, passes: Mapping[str, Pass], settings: Settings) -> Any:
+    def _execute(
+        self, graph: Graph, passes: Mapping[str, Pass], settings: Settings, lender: Any = None
+    ) -> Any:
         """Return the executor of a graph with these passes."""
         raise NotImplementedError
 

@@ -68,9 +68,13 @@ class GlBackend(Backend):
 
     # --- a graph ---
 
-    def _execute(self, graph: Graph, passes: Mapping[str, Pass], settings: Settings) -> GraphExecutor:
+    def _execute(
+        self, graph: Graph, passes: Mapping[str, Pass], settings: Settings, lender: Any = None
+    ) -> GraphExecutor:
         attach, knobs = partial(self.copies.attach, graph), settings.graph
-        return GraphExecutor(self.device, graph, passes, self.data.sampler, attach, knobs.alias, knobs.poison)
+        return GraphExecutor(
+            self.device, graph, passes, self.data.sampler, attach, knobs.alias, knobs.poison, lender
+        )
 
     def leave(self) -> None:
         """Free what `follow` created; OpenGL itself waits until the GPU has finished with it."""

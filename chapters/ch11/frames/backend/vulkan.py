@@ -108,12 +108,14 @@ class VulkanBackend(Backend):
 
     # --- a graph ---
 
-    def follow(self, plan: FramePlan, graph: Graph, settings: Settings) -> None:
+    def follow(self, plan: FramePlan, graph: Graph, settings: Settings, lender: Any = None) -> None:
         """Create everything that depends on the graph and the picture size: targets, barriers, readbacks."""
-        super().follow(plan, graph, settings)
+        super().follow(plan, graph, settings, lender)
         self.frames.follow(self.executor, self.profiler)
 
-    def _execute(self, graph: Graph, passes: Mapping[str, Pass], settings: Settings) -> GraphExecutor:
+    def _execute(
+        self, graph: Graph, passes: Mapping[str, Pass], settings: Settings, lender: Any = None
+    ) -> GraphExecutor:
         return GraphExecutor(
             self.device,
             graph,
@@ -124,6 +126,7 @@ class VulkanBackend(Backend):
             partial(self.copies.attach, graph),
             settings.graph.poison,
             self._queues,
+            lender,
         )
 
     def leave(self) -> None:

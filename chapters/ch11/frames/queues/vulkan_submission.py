@@ -23,6 +23,7 @@ from ...graph.execute.vulkan import GraphExecutor
 from ...graph.sync.batches import Batch
 from ...graph.sync.queues import GRAPHICS, QUEUES
 from ...graph.sync.vulkan import STAGES
+from ..frame import SLOTS
 from ..recording.vulkan_recordings import RecordedSlot, Recordings
 from ..vulkan import FrameSlot
 from ..vulkan_commands import Commands
@@ -106,6 +107,28 @@ class QueueFrames(Recordings):
             if isinstance(part.commands, _OwnCommands):
                 self._device.destroy("VkCommandPool", part.commands.pool)
         self._parts = [[] for _ in self.slots]
+
+    def exchange(self, parked: Any = None) -> Any:
+        """Return the recordings of the graph, and go on with those of another one, or with none; no frame in flight.
+
+        Without `parked` recordings the next call is `follow`.
+        """
+        kept = self.slots, self._parts, self._infos, self._executor
+        if parked is None:
+            self.slots = [RecordedSlot(self._device, index) for index in range(SLOTS)]
+            self._parts = [[] for _ in self.slots]
+        else:
+            self.slots, self._parts, self._infos, self._executor = parked
+        self._reached.follow()
+        return kept
+
+    def discard(self, parked: Any) -> None:
+        """Free what `exchange` returned; no frame is in flight."""
+        kept = self.exchange(parked)
+        self._free_parts()
+        for slot in self.slots:
+            slot.close()
+        self.exchange(kept)
 
     # --- a frame ---
 

@@ -54,6 +54,9 @@ class RecordedSlot(FrameSlot):
 class Recordings(Frames):
     """The ring of frame slots. `begin` returns the next slot with its recorded calls; `submit` makes them again."""
 
+    forgotten = 0
+    """How often all recordings became invalid."""
+
     def __init__(self, context: Context) -> None:
         self._context = context
         self.slots: list[Any] = [RecordedSlot(context, index) for index in range(SLOTS)]
@@ -92,5 +95,19 @@ class Recordings(Frames):
 
     def forget(self) -> None:
         """Invalidate the recordings of all slots: something that is recorded has changed."""
+        self.forgotten += 1
         for slot in self.slots:
             slot.key = None
+
+    def exchange(self, parked: Any = None) -> Any:
+        """Return the recordings of the graph, and go on with those of another one, or with none; no frame in flight."""
+        kept, self.slots = (
+            self.slots,
+            parked or [RecordedSlot(self._context, index) for index in range(SLOTS)],
+        )
+        return kept
+
+    def discard(self, parked: Any) -> None:
+        """Free what `exchange` returned; no frame is in flight."""
+        for slot in parked:
+            slot.close()

@@ -42,6 +42,9 @@ class RecordedSlot(FrameSlot):
 class Recordings(Frames):
     """The ring of frame slots. `begin` returns the next slot with its recording; `submit` submits it again."""
 
+    forgotten = 0
+    """How often all recordings became invalid."""
+
     def __init__(self, device: Device) -> None:
         self._device, self.pace = device, Pace(device)
         self.slots: list[Any] = [RecordedSlot(device, index) for index in range(SLOTS)]
@@ -86,5 +89,6 @@ class Recordings(Frames):
 
     def forget(self) -> None:
         """Invalidate the recordings of all slots: something that is recorded has changed."""
+        self.forgotten += 1
         for slot in self.slots:
             slot.key = None

@@ -39,7 +39,7 @@ class GraphExecutor:
     """A graph with its images, ready to be recorded for each slot. Close it before you open another graph.
 
     `passes` has the passes by the names of the nodes; `sampler` returns samplers; `externals` returns the external
-    images and buffers of each slot; `alias` and `poison` are the settings of these names.
+    images and buffers of each slot; `alias` and `poison` are the settings of these names, `lender` has the histories.
     """
 
     def __init__(
@@ -51,11 +51,12 @@ class GraphExecutor:
         externals: Callable[[GraphImages], list[Mapping[str, Image | Buffer]]] | None = None,
         alias: bool = True,
         poison: str = "off",
+        lender: GraphImages | None = None,
     ) -> None:
         self._context, self.graph, self._passes = context, graph, dict(passes)
         self._sampler = sampler
         self._framebuffers = Framebuffers(context)
-        self.images = GraphImages(context, graph, alias)
+        self.images = GraphImages(context, graph, alias, lender)
         try:
             add_externals(self.images, externals)
             self.barriers = memory_barriers(graph, self._passes, self.images.in_slot)

@@ -27,7 +27,7 @@ from ...pipelines.vulkan_descriptors import Descriptors, Held, Sets, Texture
 from ..memory.vulkan_images import GraphImages, GraphMemory
 from ..memory.vulkan_poison import Poison
 from ..sync.vulkan import dependency, layout_of
-from ..types import Graph, Step
+from ..types import PREVIOUS, Graph, Step
 from .batches import batches_of, last_drawn, prologues
 from .steps import ReadyStep, add_externals
 from .vulkan_sets import check_sources, sources
@@ -52,7 +52,8 @@ class GraphExecutor:
     """A graph with its images, ready to be recorded for each slot. Close it before you open another graph.
 
     `passes` are by the names of the graph's nodes; `externals` returns the external images and buffers of each slot.
-    `poison` is the setting of that name. Each of the `batches` is recorded separately.
+    `poison` is the setting of that name. Each of the `batches` is recorded separately. Histories may be those of the
+    `lender`.
     """
 
     def __init__(
@@ -66,12 +67,13 @@ class GraphExecutor:
         externals: Callable[[GraphImages], list[Mapping[str, Image | Buffer]]] | None = None,
         poison: str = "off",
         queues: Queues | None = None,
+        lender: GraphImages | None = None,
     ) -> None:
         self._device, self.graph, self._passes = device, graph, dict(passes)
         self._queues, self.batches = queues or Queues(device), batches_of(graph)
         self._resources, self._descriptors = resources, descriptors
         self._sets: dict[str, Sets] = {}
-        self.images = GraphImages(device, graph, memory, {})
+        self.images = GraphImages(device, graph, memory, {}, lender)
         try:
             add_externals(self.images, externals)
             self._slots = [self._ready(slot, poison) for slot in range(SLOTS)]
@@ -101,9 +103,11 @@ class GraphExecutor:
 
     def _begin_lasting(self) -> None:
         """Bring lasting resources into the state, and to the queue, in which the first frame finds them."""
-        queues = self._queues
-        for queue, released, planned in prologues(self.graph):
-            if released and not queues.families:
+        queues, borrowed = self._queues, self.images.borrowed
+        for queue, released, all_planned in prologues(self.graph):
+            # A borrowed history is in that state already, and has contents.
+            planned = [it for it in all_planned if it.resource.removesuffix(PREVIOUS) not in borrowed]
+            if not planned or (released and not queues.families):
                 continue  # no transfer within a queue family
             with submit_once(self._device, queues.of[queue]) as commands:
                 for resources in self.images.in_slot:

@@ -22,7 +22,7 @@ from backends.gl.resources import (
 
 from ...frames.frame import SLOTS
 from ..frame_graph import texels
-from ..types import PREVIOUS, Graph, Resource
+from ..types import Graph, Resource
 from .images import ImagesInSlots
 
 
@@ -45,12 +45,14 @@ def sharing(graph: Graph, alias: bool = True) -> dict[str, str]:
 
 
 class GraphImages(ImagesInSlots[Image, Buffer]):
-    """The images and buffers of a graph."""
+    """The images and buffers of a graph, with histories of a `lender` or of its own."""
 
     kind = Image
 
-    def __init__(self, context: Context, graph: Graph, alias: bool = True) -> None:
-        self._context = context
+    def __init__(
+        self, context: Context, graph: Graph, alias: bool = True, lender: GraphImages | None = None
+    ) -> None:
+        self._context, self.graph, self._lender = context, graph, lender
         self._objects: list[Image | Buffer] = []
         self.in_slot: list[dict[str, Image | Buffer]] = [{} for _ in range(SLOTS)]
         self._owner = sharing(graph, alias)
@@ -73,9 +75,7 @@ class GraphImages(ImagesInSlots[Image, Buffer]):
         if resource.life == "external" or self._owner.get(name, name) != name:
             return
         if resource.life == "history":
-            pair = [self._create(resource, f"{name}, parity {parity}") for parity in range(SLOTS)]
-            for slot, resources in enumerate(self.in_slot):
-                resources[name], resources[name + PREVIOUS] = pair[slot], pair[1 - slot]
+            self._add_history(resource, create=self._create, lender=self._lender)
             return
         image_or_buffer = self._create(
             resource, ", ".join([user for user in self._owner if self._owner[user] == name] or [name])

@@ -25,7 +25,8 @@ from backends.vulkan.resources import (
 )
 
 from ...frames.frame import SLOTS
-from ..types import PREVIOUS, Graph, Requirement, Resource
+from ..frame_graph import texels
+from ..types import Graph, Requirement, Resource
 from .images import ImagesInSlots
 
 _IMAGE_USAGE: dict[str, int] = {
@@ -82,19 +83,24 @@ class GraphMemory:
                     resource.samples,
                     resource.slices or None,
                 )
-            self._known[key] = Requirement(*values)
+            padding = max(0, values[0] - texels(resource).size)
+            self._known[key] = Requirement(*values, padding)
         return self._known[key]
 
 
+Held = Mapping[str, Image | Buffer]
+Lender = ImagesInSlots[Image, Buffer] | None
+
+
 class GraphImages(ImagesInSlots[Image, Buffer]):
-    """The images and buffers of a graph."""
+    """The images and buffers of a graph; its histories may be those of a `lender`."""
 
     kind = Image
 
     def __init__(
-        self, device: Device, graph: Graph, memory: GraphMemory, externals: Mapping[str, Image | Buffer]
+        self, device: Device, graph: Graph, memory: GraphMemory, externals: Held, lender: Lender = None
     ) -> None:
-        self._device, self._memory = device, memory
+        self._device, self._memory, self.graph, self._lender = device, memory, graph, lender
         self._heaps: list[Allocation] = []
         self._objects: list[Image | Buffer] = []
         self.in_slot: list[dict[str, Image | Buffer]] = [dict(externals) for _ in range(SLOTS)]
@@ -123,9 +129,7 @@ class GraphImages(ImagesInSlots[Image, Buffer]):
         if resource.life == "external":
             return
         if resource.life == "history":
-            pair = [self._create(resource, f"{name}, parity {parity}", None) for parity in range(SLOTS)]
-            for slot, resources in enumerate(self.in_slot):
-                resources[name], resources[name + PREVIOUS] = pair[slot], pair[1 - slot]
+            self._add_history(resource, self._lender, self._create)
             return
         place = graph.memory.places.get(name)
         where = None
@@ -136,7 +140,7 @@ class GraphImages(ImagesInSlots[Image, Buffer]):
         for resources in self.in_slot:
             resources[name] = image_or_buffer
 
-    def _create(self, resource: Resource, name: str, place: tuple[Any, int] | None) -> Image | Buffer:
+    def _create(self, resource: Resource, name: str, place: tuple[Any, int] | None = None) -> Image | Buffer:
         image_or_buffer: Image | Buffer
         usage = self._memory.usage(resource)
         if resource.kind == "buffer":

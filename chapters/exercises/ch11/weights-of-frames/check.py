@@ -14,7 +14,10 @@ CASES = {
     "an exponential average": [0.1] * 60,
     "a share of 0 at the end": [1.0, 0.5, 0.25, 0.0, 0.0],
     "a history that begins anew": [1.0, 0.5, 1.0, 0.5],
-    "a view that has moved": [*([0.1] * 20), *(0.95 / 32 / (0.05 + j * 0.95 / 32) for j in range(1, 33))],
+    "a view that has moved": [
+        *([0.1] * 20),
+        *(1 / (3 + j) for means in (8, 8, 32) for j in range(1, means + 1)),
+    ],
     "random shares": np.random.default_rng(5).random(40).tolist(),
 }
 LONG = 100_000

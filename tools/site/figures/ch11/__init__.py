@@ -1,4 +1,4 @@
-"""Figures of chapter 11: passes, jitter, motion, blur of histories, boxes, rest, tone curves; `walk` has a loop."""
+"""Figures of chapter 11: passes, jitter, motion, blur of histories, boxes, rest, tones, scales; `walk` has a loop."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from tools.site.figures.ch11.jitter import sequences_in_a_pixel
 from tools.site.figures.ch11.motion import vectors_as_colours
 from tools.site.figures.ch11.passes import passes_behind_lighting
 from tools.site.figures.ch11.rest import pixel_at_an_edge
+from tools.site.figures.ch11.scales import time_that_is_held
 from tools.site.figures.ch11.tone import tone_curves
 
 FIGURES = {
@@ -18,4 +19,5 @@ FIGURES = {
     "ch11-box": boxes_of_colours,
     "ch11-rest": pixel_at_an_edge,
     "ch11-curves": tone_curves,
+    "ch11-scales": time_that_is_held,
 }
