@@ -29,7 +29,8 @@ class Step:
 class Rebuilt:
     """A mesh with a hierarchy that is made on the GPU: its first node and triangle, its triangles, and its page.
 
-    It has a node for each triangle but one (`pack.mesh_tree` leaves room), of which those of few triangles are not in use.
+    It has a node for each triangle but one (`pack.mesh_tree` leaves room). Those of four triangles or less have no
+    children.
     """
 
     root: int
@@ -59,7 +60,7 @@ class Rebuilt:
         return {"pairs": 8 * self.triangles, "counts": counts, "halves": 2 * 32 * self.width}
 
     def rebuild(self) -> Iterator[Step]:
-        """Yield the steps of a rebuild, one behind the other with a barrier between; the boxes must have been refitted."""
+        """Yield the steps of a rebuild, with a barrier between each two; the boxes must have been refitted."""
         if not self.triangles:
             return
         mesh = (self.root, self.first, self.triangles, self.bits)
