@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from .model import DEPTH_LARGEST
 
-CODE_BITS, DIGIT_BITS, RUN = 30, 4, 32
+CODE_BITS, DIGIT_BITS, RUN_LENGTH = 30, 4, 32
 """Of Morton codes, of a digit of the sort, and how many pairs an invocation of the sort takes: as in the kernels."""
 
 
@@ -56,7 +56,7 @@ class Rebuilt:
     @property
     def sizes(self) -> dict[str, int]:
         """Bytes of the buffers that a rebuild uses: two of pairs, the sort's counts, the tree of halves."""
-        counts = 4 * (1 << DIGIT_BITS) * -(-self.triangles // RUN)
+        counts = 4 * (1 << DIGIT_BITS) * -(-self.triangles // RUN_LENGTH)
         return {"pairs": 8 * self.triangles, "counts": counts, "halves": 2 * 32 * self.width}
 
     def rebuild(self) -> Iterator[Step]:
@@ -66,10 +66,10 @@ class Rebuilt:
         mesh = (self.root, self.first, self.triangles, self.bits)
         yield Step("fast.comp", "CODES", self.triangles, (*mesh, 0, self.width, 0, 0))
         back = False
-        runs = -(-self.triangles // RUN)
+        runs = -(-self.triangles // RUN_LENGTH)
         for shift in range(0, 32, DIGIT_BITS):  # an even number of digits: pairs end where they began
             push = (self.triangles, shift, 0, 0)
-            yield Step("sort.comp", "COUNT", runs, push, back)
+            yield Step("sort.comp", "COUNTS", runs, push, back)
             yield Step("sort.comp", "SCAN", 1, push, back)
             yield Step("sort.comp", "", runs, push, back)
             back = not back

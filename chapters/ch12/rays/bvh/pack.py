@@ -167,7 +167,7 @@ def world_boxes(world_from_object: NDArray[np.float64], boxes: Floats) -> Floats
 
 def inverses(world_from_object: NDArray[np.float64]) -> tuple[Floats, NDArray[np.bool_]]:
     """Return the rows of the records of matrices (I, 3, 4), and which of these have an inverse that is finite."""
-    finite = np.isfinite(world_from_object).all(axis=(1, 2))
+    finite = np.asarray(np.isfinite(world_from_object).all(axis=(1, 2)))
     linear = np.where(finite[:, None, None], world_from_object[:, :, :3], 0.0)
     sound = finite & (np.linalg.det(linear) != 0)
     rows = np.zeros((len(linear), 3, 4), np.float32)
