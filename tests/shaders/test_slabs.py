@@ -83,7 +83,9 @@ def test_intervals_are_those_of_float64(either_device):
     directions[rng.random((count, 3)) < 0.1] = 0.0
     directions[(directions == 0).all(axis=1), 1] = -1.0
     got = run(either_device, low, high, origins, directions, t_min=-0.0)
-    reach = np.maximum(np.abs(low - origins), np.abs(high - origins)).max(axis=1) + np.abs(origins).max(axis=1)
+    reach = np.maximum(np.abs(low - origins), np.abs(high - origins)).max(axis=1) + np.abs(origins).max(
+        axis=1
+    )
     pad = 40 * UNIT * reach[:, None]
     inner = box_interval(low, high, origins, directions)
     outer = box_interval(low - pad, high + pad, origins, directions)
