@@ -163,7 +163,6 @@ GIVEN_FROM_12 = {
     "BVH_INSTANCES_AT": "BIND(3, 2, 7)",
     "BOUNCES": 2,
     "MIRROR": 0.2,
-    "FIRST_COLUMN": 0.5,
     "RAY_VIEW": 0,
     "MASKED_FLAG": 128,
     "BLENDED_FLAG": 256,

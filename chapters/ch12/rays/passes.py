@@ -27,6 +27,7 @@ from ..scene.pass_parts import PassParts
 from ..settings import Settings
 from . import picture
 from .groups import ray_description
+from .tiles import tiles
 
 TRACED = "color_traced"
 
@@ -109,12 +110,14 @@ class StructuresPass(Pass):
 
 
 class RayPicturePass(Pass):
-    """Traces the picture, an invocation for each pixel."""
+    """Traces the picture, an invocation for each pixel, a dispatch for each tile."""
 
     name = "rays"
     sources = SOURCES
     structures: Structures
     """What rays traverse, set by the technique."""
+    tiles = 1
+    """In how many dispatches the picture is traced, set by the technique."""
 
     def __init__(self, parts: PassParts) -> None:
         self._scene, self._settings, self._data = parts.scene, parts.settings, parts.data
@@ -178,10 +181,13 @@ class RayPicturePass(Pass):
         bound = self._data.bound_page(self._draws.slot, page)
         self.structures.bind_pass(commands, pipeline, self._draws.binding, bound, images)
         width, height = commands.extent
-        left = int(np.ceil(np.float32(picture.first_column(self._settings)) * np.float32(width)))
-        if left < width:
-            commands.trace(pipeline, (width - left, height))
+        left = picture.first_column(self._settings, width)
+        # A software driver that draws late writes the time of the beginning when it comes to a barrier or an end.
+        commands.compute_barrier()
+        for x, y, columns, rows in tiles((width - left, height), self.tiles):
+            commands.push(pipeline, np.array((left + x, y, 0, 0), np.uint32))
+            commands.trace(pipeline, (columns, rows))
 
     def key(self, slot: int) -> Any:
-        """Return what the recording depends on: pages and textures."""
-        return self._draws.revision
+        """Return what the recording depends on: pages and textures, and the number of tiles."""
+        return self._draws.revision, self.tiles
