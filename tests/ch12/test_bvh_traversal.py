@@ -16,6 +16,8 @@ from tests.twins.rays import box_interval, moeller_trumbore, nearest
 
 pytestmark = [pytest.mark.variants("vulkan", "gl"), pytest.mark.feature("ray-tracing/software-bvh")]
 ALONE = np.eye(4)[None]
+BOTH = (("NON_OPAQUE", 1), ("STEPS", 1))
+"""Defines of the traversal; compiling it takes longer than its rays."""
 
 
 @pytest.fixture(scope="module")
@@ -215,10 +217,10 @@ def test_surfaces_that_are_not_opaque_ask_for_each_candidate(tracer):
     sure = ((np.abs(inside) > 1e-5) & (np.abs(u - 0.5) > 1e-5)).all(axis=1)
     reached = np.where(accepted & (inside >= 0) & (t > 0), t, np.inf)
     which = np.where(np.isfinite(reached.min(axis=1)), reached.argmin(axis=1), -1)
-    hits = tracer.trace(buffers, rays, 0xFF, ("NON_OPAQUE", 1))
+    hits = tracer.trace(buffers, rays, 0xFF, *BOTH)
     assert sure.mean() > 0.9
     assert np.array_equal(np.where(hits.hit, hits.instance * 120 + hits.primitive, -1)[sure], which[sure])
-    assert np.array_equal(tracer.occluded(buffers, rays, 0xFF, ("NON_OPAQUE", 1))[sure], which[sure] >= 0)
+    assert np.array_equal(tracer.occluded(buffers, rays, 0xFF, *BOTH)[sure], which[sure] >= 0)
     opaque = tracer.trace(buffers, rays)
     assert not np.array_equal(opaque.primitive, hits.primitive)
 
@@ -311,7 +313,7 @@ def test_a_world_scaled_and_moved_is_hit_alike(tracer, scale, away):
 def test_steps_are_counted_and_fewer_than_all(tracer):
     buffers = alone(*icosphere(3))
     rays = rays_of(*random_rays(500, 15))
-    hits = tracer.trace(buffers, rays, 0xFF, ("STEPS", 1))
+    hits = tracer.trace(buffers, rays, 0xFF, *BOTH)
     plain = tracer.trace(buffers, rays)
     assert np.array_equal(hits.primitive, plain.primitive) and np.array_equal(hits.t, plain.t)
     assert (plain.steps == 0).all() and (hits.steps >= 1).all() and hits.steps[hits.hit].min() > 5

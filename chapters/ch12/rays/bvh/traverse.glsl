@@ -98,7 +98,7 @@ Hit bvh_traverse(Ray ray, uint mask, bool any) {
                 vec3 away = ray.origin - vec3(record.rows[0].w, record.rows[1].w, record.rows[2].w);
                 mat3 rows = mat3(record.rows[0].xyz, record.rows[1].xyz, record.rows[2].xyz);
                 vec3 origin = away * rows, direction = ray.direction * rows;
-                slabs = bvh_slabs(record.what.x, origin, direction, 8.0);
+                slabs = bvh_slabs(record.what.x, origin, direction, 12.0);
                 sheared_ = sheared_ray(origin, direction);
                 code = record.what.x;
                 instance = record.what.z;
