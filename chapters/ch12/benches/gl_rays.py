@@ -12,7 +12,14 @@ from numpy.typing import NDArray
 
 from backends.gl import api as gl
 from backends.gl.context import Context
-from backends.gl.resources import Buffer, bind_buffer, create_buffer, destroy_buffer, read_buffer, write_buffer
+from backends.gl.resources import (
+    Buffer,
+    bind_buffer,
+    create_buffer,
+    destroy_buffer,
+    read_buffer,
+    write_buffer,
+)
 
 from ..frames.gl_commands import Commands
 from ..pipelines.description import Built, Described

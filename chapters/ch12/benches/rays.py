@@ -89,7 +89,9 @@ def measure(subject: Subject, effort: Effort, step: Step) -> dict[str, Any] | No
         for place, name in enumerate((*names, REFIT_SCENE)):
             begun, part = 0.9 * place / (1 + len(names)), 0.9 / (1 + len(names))
 
-            def within(what: str, done: float, name: str = name, begun: float = begun, part: float = part) -> None:
+            def within(
+                what: str, done: float, name: str = name, begun: float = begun, part: float = part
+            ) -> None:
                 step(f"{name}, {what}", begun + done * part)
 
             size = SPHERE if effort.everything else QUICK_SPHERE
@@ -147,7 +149,9 @@ class _Scene:
             except ImportError:
                 continue
             times.setdefault(EMBREE, []).append(self._embree.build_ms)
-        size = sum(it.nbytes for it in (self._buffers.nodes, self._buffers.triangles, self._buffers.instances))
+        size = sum(
+            it.nbytes for it in (self._buffers.nodes, self._buffers.triangles, self._buffers.instances)
+        )
         sizes = {BVH: size, "driver": self._driver.bytes if self._driver else None}
         return [
             {
@@ -170,7 +174,9 @@ class _Scene:
         gpu, found = self._gpu, []
         held = {
             number: gpu.buffer(part.view(np.uint32), "our BVH")
-            for number, part in enumerate((self._buffers.nodes, self._buffers.triangles, self._buffers.instances))
+            for number, part in enumerate(
+                (self._buffers.nodes, self._buffers.triangles, self._buffers.instances)
+            )
         }
         for number, (kind, make) in enumerate(KINDS.items()):
             rays = make(self._geometry, count)
@@ -180,7 +186,9 @@ class _Scene:
                 step(f"{kind} rays, {way}", 0.3 + 0.35 * number)
                 own = held if way == BVH else {0: self._driver.world, 1: self._driver.orders}
                 kernel = gpu.kernel(description(way))
-                runs[way] = _Run(gpu, kernel, gpu.bound(kernel, {**own, 3: jobs, 4: hits}), len(rays), self._empty_s)
+                runs[way] = _Run(
+                    gpu, kernel, gpu.bound(kernel, {**own, 3: jobs, 4: hits}), len(rays), self._empty_s
+                )
             times: dict[str, list[float]] = {way: [] for way in runs}
             answers: dict[str, Hits] = {}
             for _ in range(self._rounds):
@@ -212,14 +220,18 @@ class _Scene:
         for what, calls in works.calls().items():
             self._gpu.seconds(calls)  # drivers compile at the first dispatch
             times = [self._gpu.seconds(calls) - self._empty_s for _ in range(max(self._rounds, 3))]
-            rows.append(self._named(BVH, what=what, dispatches=len(calls), **_timed([1e3 * it for it in times])))
+            rows.append(
+                self._named(BVH, what=what, dispatches=len(calls), **_timed([1e3 * it for it in times]))
+            )
         if self._gpu.ways:
             built = self._make_driver(self._gpu, self._geometry, refits=True)
             try:
                 for what, run in (("refit", built.refit_seconds), ("upper level", built.top_seconds)):
                     run()
                     times = [run() - self._empty_s for _ in range(max(self._rounds, 3))]
-                    rows.append(self._named("driver", what=what, dispatches=0, **_timed([1e3 * it for it in times])))
+                    rows.append(
+                        self._named("driver", what=what, dispatches=0, **_timed([1e3 * it for it in times]))
+                    )
             finally:
                 built.close()
         return rows
@@ -232,7 +244,11 @@ def _timed(values: Sequence[float]) -> dict[str, float]:
 
 def description(way: str) -> Described:
     """Return the pipeline by which a way traces the rays of the bench."""
-    defines = (*(it for it in DEFINES[way] if not it[0].startswith("RAYS_S")), ("RAYS_SET", 0), ("RAYS_SLOT", 0))
+    defines = (
+        *(it for it in DEFINES[way] if not it[0].startswith("RAYS_S")),
+        ("RAYS_SET", 0),
+        ("RAYS_SLOT", 0),
+    )
     if way == PIPELINE:
         # Its groups say themselves that they are of a pipeline.
         defines = tuple(it for it in defines if it[0] != "RAYS_PIPELINE")

@@ -33,7 +33,9 @@ def show(record: dict[str, Any], to: Console) -> None:
             *("-" if row[name] is None else format(row[name], form) for name, form in COMPARED),
         )
     to.print(shown)
-    shown = table("Builds and refits, ms by the clock", "scene", "structure", "what", ">triangles", ">ms", ">±", ">MiB")
+    shown = table(
+        "Builds and refits, ms by the clock", "scene", "structure", "what", ">triangles", ">ms", ">±", ">MiB"
+    )
     for row in record["builds"]:
         size = "-" if row["bytes"] is None else f"{row['bytes'] / 2**20:.1f}"
         shown.add_row(row["scene"], row["way"], "build", f"{row['triangles']:,}", *_ms(row), size)
@@ -52,7 +54,9 @@ def sentences(record: dict[str, Any]) -> list[str]:
     """Return the results as sentences."""
     lines = [f"Left out: {what}." for what in record["missing"]]
     if record["software"]:
-        lines.append("The driver traces on all cores of the processor; Embree and the builds in numpy use one.")
+        lines.append(
+            "The driver traces on all cores of the processor; Embree and the builds in numpy use one."
+        )
     speeds = {(row["scene"], row["rays"], row["way"]): row["mrays"] for row in record["rows"]}
     for scene, rays in dict.fromkeys((scene, rays) for scene, rays, _ in speeds):
         ours = speeds[scene, rays, BVH]

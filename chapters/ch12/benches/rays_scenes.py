@@ -102,7 +102,9 @@ def sphere(segments: int, rings: int) -> Geometry:
     sides = [np.stack([a, c, b], axis=1), np.stack([b, c, d], axis=1)]
     indices = np.concatenate([*sides, *caps]).astype(np.uint32)
     view = View(translation((0.0, 0.0, 2.6)), Perspective(yfov=0.9, near=0.1))
-    return Geometry("sphere", [(indices, points.astype(np.float32))], np.zeros(1, np.int64), np.eye(4)[None, :3], view)
+    return Geometry(
+        "sphere", [(indices, points.astype(np.float32))], np.zeros(1, np.int64), np.eye(4)[None, :3], view
+    )
 
 
 # --- rays -------------------------------------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ The picture is one text, whatever finds the hits: a raygen shader, a kernel with
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, Protocol
 
 import numpy as np
@@ -59,7 +59,9 @@ class Structures(Protocol):
     def record(self, commands: Any, slot: int) -> None:
         """Record what the frame builds."""
 
-    def bind_pass(self, commands: Any, pipeline: Built, scene: SceneBinding, page: Any, textures: Any) -> None:
+    def bind_pass(
+        self, commands: Any, pipeline: Built, scene: SceneBinding, page: Any, textures: Any
+    ) -> None:
         """Bind a pass that traces: a scene's binding, a page, a set of textures or None, and the structures."""
 
     def close(self) -> None:
