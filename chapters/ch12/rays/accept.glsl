@@ -8,9 +8,15 @@
 #include "palette.glsl"
 
 #ifdef RAYS_PIPELINE
-#define RAY_ID gl_LaunchIDEXT
+#define INVOCATION gl_LaunchIDEXT.xy
 #else
-#define RAY_ID gl_GlobalInvocationID
+#define INVOCATION gl_GlobalInvocationID.xy
+#endif
+#ifdef TILED
+#include "rays/tile.glsl"
+#define RAY_ID (INVOCATION + tile.first.xy)
+#else
+#define RAY_ID INVOCATION
 #endif
 
 bool accept(Hit hit) {

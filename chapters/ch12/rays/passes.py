@@ -8,7 +8,7 @@ The picture is one text, whatever finds the hits: a raygen shader, a kernel with
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, Protocol
 
 import numpy as np
@@ -27,6 +27,7 @@ from ..scene.pass_parts import PassParts
 from ..settings import Settings
 from . import picture
 from .groups import ray_description
+from .tiles import tiles
 
 TRACED = "color_traced"
 
@@ -58,7 +59,9 @@ class Structures(Protocol):
     def record(self, commands: Any, slot: int) -> None:
         """Record what the frame builds."""
 
-    def bind_pass(self, commands: Any, pipeline: Built, scene: SceneBinding, page: Any, textures: Any) -> None:
+    def bind_pass(
+        self, commands: Any, pipeline: Built, scene: SceneBinding, page: Any, textures: Any
+    ) -> None:
         """Bind a pass that traces: a scene's binding, a page, a set of textures or None, and the structures."""
 
     def close(self) -> None:
@@ -109,12 +112,14 @@ class StructuresPass(Pass):
 
 
 class RayPicturePass(Pass):
-    """Traces the picture, an invocation for each pixel."""
+    """Traces the picture, an invocation for each pixel, a dispatch for each tile."""
 
     name = "rays"
     sources = SOURCES
     structures: Structures
     """What rays traverse, set by the technique."""
+    tiles = 1
+    """In how many dispatches the picture is traced, set by the technique."""
 
     def __init__(self, parts: PassParts) -> None:
         self._scene, self._settings, self._data = parts.scene, parts.settings, parts.data
@@ -178,10 +183,13 @@ class RayPicturePass(Pass):
         bound = self._data.bound_page(self._draws.slot, page)
         self.structures.bind_pass(commands, pipeline, self._draws.binding, bound, images)
         width, height = commands.extent
-        left = int(np.ceil(np.float32(picture.first_column(self._settings)) * np.float32(width)))
-        if left < width:
-            commands.trace(pipeline, (width - left, height))
+        left = picture.first_column(self._settings, width)
+        # A software driver that draws late writes the time of the beginning when it comes to a barrier or an end.
+        commands.compute_barrier()
+        for x, y, columns, rows in tiles((width - left, height), self.tiles):
+            commands.push(pipeline, np.array((left + x, y, 0, 0), np.uint32))
+            commands.trace(pipeline, (columns, rows))
 
     def key(self, slot: int) -> Any:
-        """Return what the recording depends on: pages and textures."""
-        return self._draws.revision
+        """Return what the recording depends on: pages and textures, and the number of tiles."""
+        return self._draws.revision, self.tiles

@@ -1,7 +1,7 @@
 // A traced picture: a ray from the eye through each pixel, a ray from each hit towards each light, and from smooth
 // surfaces a ray in the mirrored direction. Light is that of the rasterised picture (shading/lighting.frag) otherwise.
 //
-// This text is one function of the number of a pixel. It is a raygen shader, a kernel with ray queries, or a kernel that
+// This text is one function of the number of a pixel in its tile. It is a raygen shader, a kernel with ray queries, or a kernel that
 // traverses our own BVH.
 
 #include "rays/surface.glsl"
@@ -17,6 +17,7 @@
 #ifdef ENVIRONMENT
 #include "ibl.glsl"
 #endif
+#include "rays/tile.glsl"
 #include "rays/trace.glsl"
 
 layout(BIND(3, TARGET_BINDING, 0), FORMAT) uniform writeonly image2D color_traced;
@@ -138,8 +139,7 @@ vec3 shown_of(Ray ray) {
 }
 
 void run(uvec3 id) {
-    ivec2 size = imageSize(color_traced), pixel = ivec2(id.xy);
-    pixel.x += int(ceil(FIRST_COLUMN * float(size.x)));
+    ivec2 size = imageSize(color_traced), pixel = ivec2(id.xy + tile.first.xy);
     if (any(greaterThanEqual(pixel, size))) {
         return;
     }

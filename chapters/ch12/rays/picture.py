@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, get_args
 
@@ -43,9 +44,16 @@ def in_use(settings: Any) -> bool:
     return bool(settings.rays.rays != "off" and settings.shading.view == PICTURE)
 
 
-def first_column(settings: Any) -> float:
-    """Return the share of the picture's width that is left of the traced part."""
-    return float(settings.rays.ray_split) if settings.rays.rays == "beside" else 0.0
+def first_column(settings: Any, width: int) -> int:
+    """Return the columns of a picture of `width` that are left of the traced part."""
+    return math.ceil(settings.rays.ray_split * width) if settings.rays.rays == "beside" else 0
+
+
+def most_rays(scene: Scene, settings: Any, size: tuple[int, int]) -> int:
+    """Return how many rays a picture of `size` may have: to each light from each surface that a pixel shows."""
+    knobs = settings.rays
+    lights = len(scene.lights) if knobs.ray_shadows else 0
+    return (size[0] - first_column(settings, size[0])) * size[1] * (1 + lights) * (1 + knobs.ray_bounces)
 
 
 def chosen_way(settings: Any, plan: Plan) -> str:
@@ -79,8 +87,10 @@ def variant_of_all(variants: Sequence[Variant]) -> Variant:
 def picture_defines(scene: Scene, settings: Any, used: Sequence[int]) -> Defines:
     """Return what picture.glsl is built with, besides the variant of its materials."""
     knobs = settings.rays
-    sky: Defines = () if Sky.needed(scene, settings) else (
-        ("BACKGROUND", background(settings, settings.shading.background)),
+    sky: Defines = (
+        ()
+        if Sky.needed(scene, settings)
+        else (("BACKGROUND", background(settings, settings.shading.background)),)
     )
     return (
         *flag_defines(),
@@ -91,6 +101,6 @@ def picture_defines(scene: Scene, settings: Any, used: Sequence[int]) -> Defines
         ("BOUNCES", int(knobs.ray_bounces)),
         ("MIRROR", float(knobs.ray_mirror)),
         ("RAY_VIEW", get_args(View).index(knobs.ray_view)),
-        ("FIRST_COLUMN", first_column(settings)),
+        ("TILED", 1),
         ("FORMAT", settings.shading.color_format),
     )
