@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from common.errors import SceneError
 from common.scene import Scene
 
-SURFACES, BLENDED = 1, 2
-"""Bits of an instance's mask: ordinary surfaces, and those that let light through. A hidden instance has no bit."""
+SURFACES, BLENDED, UNLIT = 1, 2, 4
+"""Bits of an instance's mask: ordinary surfaces, those that let light through, and those that show pictures, as a sky
+around the scene does. A hidden instance has no bit."""
 
 MOST_INSTANCES = 1 << 24
 """A record has 24 bits for the number of its instance."""
@@ -38,11 +39,12 @@ def opaque_materials(scene: Scene) -> NDArray[np.bool_]:
 
 def masks(scene: Scene, hidden: bool = False) -> NDArray[np.uint32]:
     """Return (I,) the mask of each instance; with `hidden` those of hidden ones as if they were visible."""
-    blended = np.array([material.alpha_mode == "blend" for material in scene.materials], bool)
-    of_instance = blended[scene.meshes["material"][scene.instances.mesh]]
-    return np.where(scene.instances.visible | hidden, np.where(of_instance, BLENDED, SURFACES), 0).astype(
-        np.uint32
-    )
+    bits = [
+        UNLIT if material.unlit else BLENDED if material.alpha_mode == "blend" else SURFACES
+        for material in scene.materials
+    ]
+    of_instance = np.array(bits, np.uint32)[scene.meshes["material"][scene.instances.mesh]]
+    return np.where(scene.instances.visible | hidden, of_instance, 0).astype(np.uint32)
 
 
 def instance_table(

@@ -24,7 +24,8 @@ layout(BIND(3, TARGET_BINDING, 0), FORMAT) uniform writeonly image2D color_trace
 
 const float FAR = 3.402823e38;
 
-// The light of the scene's lights that a surface reflects towards `view`. A light behind another surface adds nothing.
+// The light of the scene's lights that a surface reflects towards `view`. A light behind another surface adds nothing; blended
+// and unlit surfaces cast no shadow (shadows/passes.py).
 vec3 light_of_lights(Surface s, vec3 view, float alpha) {
     vec3 sum = vec3(0.0);
     for (uint i = 0u; i < light_count.x; ++i) {
@@ -40,7 +41,7 @@ vec3 light_of_lights(Surface s, vec3 view, float alpha) {
         }
         vec3 origin = ray_origin(s.at, to_light);
         float far = lights[i].kind == LIGHT_DIRECTIONAL ? FAR : dot(lights[i].position - origin, to_light);
-        if (occluded(Ray(origin, 0.0, to_light, far), 0xffu)) {
+        if (occluded(Ray(origin, 0.0, to_light, far), CASTERS)) {
             continue;
         }
 #endif

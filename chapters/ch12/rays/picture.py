@@ -15,7 +15,7 @@ from ..shading.sky import Sky
 from ..shading.views import PICTURE, background
 from ..visibility.model import flag_defines
 from .bvh.model import CONSTANTS
-from .model import opaque_materials
+from .model import SURFACES, opaque_materials
 from .settings import View
 
 Defines = tuple[tuple[str, int | float | str], ...]
@@ -97,7 +97,7 @@ def picture_defines(scene: Scene, settings: Any, used: Sequence[int]) -> Defines
         *sky,
         *((("TANGENTS_DERIVED", 1),) if settings.visibility.tangents == "derived" else ()),
         *(() if opaque_materials(scene)[list(used)].all() else (("NON_OPAQUE", 1),)),
-        *((("SHADOW_RAYS", 1),) if knobs.ray_shadows else ()),
+        *((("SHADOW_RAYS", 1), ("CASTERS", f"{SURFACES}u")) if knobs.ray_shadows else ()),
         ("BOUNCES", int(knobs.ray_bounces)),
         ("MIRROR", float(knobs.ray_mirror)),
         ("RAY_VIEW", get_args(View).index(knobs.ray_view)),
