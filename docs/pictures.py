@@ -373,7 +373,8 @@ def rays_sheet(cell: tuple[int, int] = (396, 222)) -> NDArray[Any]:
 def ray_views_sheet(cell: tuple[int, int] = (330, 186)) -> NDArray[Any]:
     """Return (H, W, 3): the atrium by distance, instance, barycentric coordinates, and steps of the traversal."""
     shown = [
-        _traced(cell, rays="whole", ray_view=name) for name in ("distance", "instance", "barycentrics", "steps")
+        _traced(cell, rays="whole", ray_view=name)
+        for name in ("distance", "instance", "barycentrics", "steps")
     ]
     return np.concatenate([np.concatenate(row, axis=1) for row in (shown[:2], shown[2:])])
 
@@ -381,7 +382,9 @@ def ray_views_sheet(cell: tuple[int, int] = (330, 186)) -> NDArray[Any]:
 def _traced(cell: tuple[int, int], **turned: Any) -> NDArray[Any]:
     settings: Any = replaced(preset(chapters.settings_class(RAYS), "medium"), **turned)
     size = (2 * cell[0], 2 * cell[1])
-    with chapters.open(RAYS, "auto", scene=load_scene(locate("atrium")), size=size, settings=settings) as renderer:
+    with chapters.open(
+        RAYS, "auto", scene=load_scene(locate("atrium")), size=size, settings=settings
+    ) as renderer:
         view = chapters.view_of(renderer)
         for _ in range(4):  # pages of shadow maps come with the second frame
             frame = renderer.render(view)

@@ -40,7 +40,12 @@ def test_each_kind_of_surface_has_a_bit():
 @pytest.mark.variants("vulkan")
 def test_a_sky_casts_no_shadow_and_a_plate_does(chapter):
     settings = Settings(
-        rays="whole", ambient=0.0, default_light=False, background=0.0, tone_curve="none", color_format="rgba32f"
+        rays="whole",
+        ambient=0.0,
+        default_light=False,
+        background=0.0,
+        tone_curve="none",
+        color_format="rgba32f",
     )
     with chapter.open(plates(GROUND, SKY), (SIZE, SIZE), settings, outputs={"color_linear"}) as renderer:
         picture = renderer.render(facing()).image("color_linear").astype(np.float64)[..., 0]

@@ -22,7 +22,8 @@ from chapters.ch12.pipelines.vulkan import Pipelines
 from chapters.ch12.pipelines.vulkan_descriptors import Descriptors, Structure
 from chapters.ch12.pipelines.vulkan_rays import LIBRARY, RayLimits, links
 from chapters.ch12.rays.groups import ray_description
-from chapters.ch12.rays.vulkan_build import INPUT, Bottoms, BoxGeometry
+from chapters.ch12.rays.vulkan_build import INPUT, Bottoms
+from chapters.ch12.rays.vulkan_geometry import BoxGeometry
 from chapters.ch12.rays.vulkan_top import TopLevel
 from common.errors import ShaderError, UnsupportedError
 from tests.support.ray_scenes import placements, random_rays, soup, soup_scene

@@ -31,7 +31,7 @@ def test_boxes_of_the_upper_level_hold_instances():
     boxes = levels.boxes_of_the_top()
     assert len(boxes) == len(levels.PLACES) - 2  # all nodes but the root
     for x0, y0, x1, y1 in boxes:
-        inside = ((levels.PLACES > (x0, y0)) & (levels.PLACES < (x1, y1))).all(axis=1)
+        inside = (((x0, y0) < levels.PLACES) & ((x1, y1) > levels.PLACES)).all(axis=1)
         assert 2 <= inside.sum() < len(levels.PLACES)
 
 

@@ -26,7 +26,8 @@ from ..rays.bvh.morton import order as morton_order
 from ..rays.model import CULL_DISABLE, FORCE_OPAQUE
 from ..rays.picture import FEATURES
 from ..rays.triangles import build_order
-from ..rays.vulkan_build import BUILD_AFTER_BUILD, INPUT, Bottoms, MeshGeometry
+from ..rays.vulkan_build import BUILD_AFTER_BUILD, INPUT, Bottoms
+from ..rays.vulkan_geometry import MeshGeometry
 from ..rays.vulkan_top import TopLevel
 from .rays_scenes import Geometry
 

@@ -39,7 +39,8 @@ from ..visibility.vulkan import Bindings
 from .bvh.morton import order as morton_order
 from .model import check_count, instance_table, order_words
 from .triangles import build_order, mesh_triangles
-from .vulkan_build import DEFAULT, INPUT, Bottoms, Budget, MeshGeometry, StructureLimits
+from .vulkan_build import DEFAULT, INPUT, Bottoms, Budget, StructureLimits
+from .vulkan_geometry import MeshGeometry
 from .vulkan_top import TopLevel, Waits
 
 RECORDS = ComputeDescription("rays/vulkan_records.comp", name="ray records")

@@ -25,6 +25,8 @@ from backends.vulkan.device import Device
 from backends.vulkan.once import submit_once
 from backends.vulkan.resources import Buffer, buffer_address, create_buffer, destroy_buffer
 
+from .vulkan_geometry import Geometry
+
 BUILD = vk.VK_PIPELINE_STAGE_2_ACCELERATION_STRUCTURE_BUILD_BIT_KHR
 READ = vk.VK_ACCESS_2_ACCELERATION_STRUCTURE_READ_BIT_KHR
 WRITE = vk.VK_ACCESS_2_ACCELERATION_STRUCTURE_WRITE_BIT_KHR
@@ -46,9 +48,6 @@ _STORAGE = (
 )
 _SCRATCH = vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | vk.VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT
 _BOTTOM = vk.VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR
-_FAST = vk.VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR
-_COMPACTS = vk.VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR
-_UPDATES = vk.VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR
 _NEW = vk.VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR
 _AGAIN = vk.VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR
 
@@ -88,75 +87,6 @@ class StructureLimits:
             int(limits.maxPrimitiveCount),
             int(limits.maxInstanceCount),
         )
-
-
-@dataclass(frozen=True)
-class MeshGeometry:
-    """The triangles of a mesh: addresses of its vertices (three floats each) and of its indices, and their numbers.
-
-    One that `refits` is updated when its vertices have moved; the others are compacted.
-    """
-
-    vertices: int
-    vertex_count: int
-    indices: int
-    count: int
-    name: str
-    refits: bool = False
-
-    def info(self, vertices: int | None = None) -> dict[str, Any]:
-        """Return the VkAccelerationStructureGeometryKHR, with other vertices if they are given."""
-        triangles = {
-            "sType": vk.VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_TRIANGLES_DATA_KHR,
-            "vertexFormat": vk.VK_FORMAT_R32G32B32_SFLOAT,
-            "vertexData": {"deviceAddress": self.vertices if vertices is None else vertices},
-            "vertexStride": 12,
-            "maxVertex": max(self.vertex_count - 1, 0),
-            "indexType": vk.VK_INDEX_TYPE_UINT32,
-            "indexData": {"deviceAddress": self.indices},
-        }
-        # Whether a surface is opaque is a matter of the instance's material, so the flags of instances decide it.
-        return {
-            "sType": vk.VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR,
-            "geometryType": vk.VK_GEOMETRY_TYPE_TRIANGLES_KHR,
-            "geometry": {"triangles": triangles},
-        }
-
-    @property
-    def flags(self) -> int:
-        """The flags of its builds."""
-        return int(_FAST | (_UPDATES if self.refits else _COMPACTS))
-
-
-@dataclass(frozen=True)
-class BoxGeometry:
-    """Boxes, in which intersection shaders look for surfaces: the address of six floats each, low and high corners."""
-
-    boxes: int
-    count: int
-    name: str
-    refits: bool = False
-
-    def info(self, boxes: int | None = None) -> dict[str, Any]:
-        """Return the VkAccelerationStructureGeometryKHR, with other boxes if they are given."""
-        data = {
-            "sType": vk.VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_AABBS_DATA_KHR,
-            "data": {"deviceAddress": self.boxes if boxes is None else boxes},
-            "stride": 24,
-        }
-        return {
-            "sType": vk.VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR,
-            "geometryType": vk.VK_GEOMETRY_TYPE_AABBS_KHR,
-            "geometry": {"aabbs": data},
-        }
-
-    @property
-    def flags(self) -> int:
-        """The flags of its builds."""
-        return int(_FAST | (_UPDATES if self.refits else _COMPACTS))
-
-
-Geometry = MeshGeometry | BoxGeometry
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,10 @@ def check(given: Given) -> None:
     """All corners, middles of edges and places along edges of two meshes, and random directions."""
     model: Any = given.module("rays.bvh.model")
     pack: Any = given.module("rays.bvh.pack")
-    with TemporaryDirectory() as folder, kernels_on(given.device, chapters.package_of(given.which)) as kernels:
+    with (
+        TemporaryDirectory() as folder,
+        kernels_on(given.device, chapters.package_of(given.which)) as kernels,
+    ):
         tracer = Tracer(kernels, model, Path(folder))
         for name, (positions, triangles) in {"a sphere": icosphere(2), "a ring": torus(16, 8)}.items():
             tree = pack.mesh_tree(positions, np.uint32(triangles).reshape(-1))

@@ -23,7 +23,9 @@ def check(given: Given) -> None:
             found[name] = renderer.render(view(size)).image("color_linear").astype(np.float64)[..., 0]
         given.silent()
     whole = found["of metres"]
-    given.need(0.05 < (whole < 0.1 * whole.max()).mean() < 0.5, "The plate casts no shadow in a scene of metres.")
+    given.need(
+        0.05 < (whole < 0.1 * whole.max()).mean() < 0.5, "The plate casts no shadow in a scene of metres."
+    )
     for name, picture in found.items():
         wrong = np.abs(picture - whole) > 0.02 * whole.max()
         given.need(

@@ -25,7 +25,8 @@ def check(given: Given) -> None:
                     given.need(region.size == region.stride == 0, f"{device} an empty region has a size.")
                     continue
                 given.need(
-                    region.offset % base == 0, f"{device} the region of {name} begins at {region.offset} bytes."
+                    region.offset % base == 0,
+                    f"{device} the region of {name} begins at {region.offset} bytes.",
                 )
                 given.need(
                     region.stride % alignment == 0 and region.stride >= size,
@@ -35,7 +36,11 @@ def check(given: Given) -> None:
                     region.size == count * region.stride,
                     f"{device} the region of {name} has {region.size} bytes for {count} records.",
                 )
-                given.need(region.offset >= taken, f"{device} the region of {name} begins inside the one before.")
+                given.need(
+                    region.offset >= taken, f"{device} the region of {name} begins inside the one before."
+                )
                 taken = region.offset + region.size
-            given.need(regions[0].size == regions[0].stride, f"{device} stride and size of generation differ.")
+            given.need(
+                regions[0].size == regions[0].stride, f"{device} stride and size of generation differ."
+            )
             given.need(end >= taken, f"{device} the table ends before its last region.")

@@ -22,7 +22,10 @@ def check(given: Given) -> None:
     pack: Any = given.module("rays.bvh.pack")
     corners = soup(24, 7)
     tree = pack.mesh_tree(*indexed(corners))
-    with TemporaryDirectory() as folder, kernels_on(given.device, chapters.package_of(given.which)) as kernels:
+    with (
+        TemporaryDirectory() as folder,
+        kernels_on(given.device, chapters.package_of(given.which)) as kernels,
+    ):
         tracer = Tracer(kernels, model, Path(folder))
         for count in (1, 2, 30):
             matrices = np.float64(np.float32([placed(number) for number in range(count)]))
@@ -30,7 +33,10 @@ def check(given: Given) -> None:
             origins, directions = random_rays(2000, 5, 6.0)
             rays = rays_of(origins, directions)
             hits = tracer.trace(buffers, rays)
-            world = np.einsum("nij,tkj->ntki", matrices[:, :3, :3], np.float64(corners)) + matrices[:, None, None, :3, 3]
+            world = (
+                np.einsum("nij,tkj->ntki", matrices[:, :3, :3], np.float64(corners))
+                + matrices[:, None, None, :3, 3]
+            )
             which, _, sure = nearest(world.reshape(-1, 3, 3), rays[:, :3], rays[:, 4:7])
             expected = np.where(which >= 0, which // len(corners), -1)
             wrong = sure & (hits.instance != expected)

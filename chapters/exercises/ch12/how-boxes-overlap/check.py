@@ -13,7 +13,9 @@ def check(given: Given) -> None:
     """Boxes apart, one inside the other, flat ones, no node at all, a lonely leaf, and built trees."""
     build: Any = given.module("rays.bvh.build")
     module: Any = given.module("rays.bvh.overlap")
-    given.need(callable(getattr(module, "overlaps", None)), "rays/bvh/overlap.py has no function overlaps yet.")
+    given.need(
+        callable(getattr(module, "overlaps", None)), "rays/bvh/overlap.py has no function overlaps yet."
+    )
     rng = np.random.default_rng(4)
     none = np.zeros((0, 3), np.float32)
     cases = {"no triangle": (none, none), "a single leaf": (np.zeros((2, 3)), np.ones((2, 3)))}

@@ -27,7 +27,9 @@ def check(given: Given) -> None:
             middles.append(float(picture[6:10, 6:10].mean()))
         given.silent()
         without, shown = middles
-        given.need(without < 0.01 * NITS, f"Without mirrored rays the mirror shows {without:.3f}, and not black.")
+        given.need(
+            without < 0.01 * NITS, f"Without mirrored rays the mirror shows {without:.3f}, and not black."
+        )
         given.need(
             abs(shown - NITS) < 0.02 * NITS,
             f"The wall on the {side} glows with {NITS}, and the mirror shows {shown:.3f}.",
@@ -38,7 +40,7 @@ def corner(sign: float) -> Scene:
     """Return a mirror in the middle of the view, turned by 45 degrees, and a wall far to its right (1) or left (-1)."""
     mirror = Material(base_color=(1.0, 1.0, 1.0, 1.0), metallic=1.0, roughness=0.0)
     turned = rotation((0.0, 1.0, 0.0), sign * np.pi / 4)
-    wall = translated(sign * 4.0) @ rotation((0.0, 1.0, 0.0), -sign * np.pi / 2) @ np.diag((2.0, 2.0, 2.0, 1.0))
-    return quad_scene(
-        materials=(mirror, glow_of(NITS)), matrices=(turned, wall), instance_materials=(0, 1)
+    wall = (
+        translated(sign * 4.0) @ rotation((0.0, 1.0, 0.0), -sign * np.pi / 2) @ np.diag((2.0, 2.0, 2.0, 1.0))
     )
+    return quad_scene(materials=(mirror, glow_of(NITS)), matrices=(turned, wall), instance_materials=(0, 1))

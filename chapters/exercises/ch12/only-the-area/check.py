@@ -15,7 +15,9 @@ def check(given: Given) -> None:
     for name, low, high in cases():
         tree = build.build(low, high)
         counts = [int(below(tree, side)) for side in (0, 1)]
-        given.need(sum(counts) == len(low), f"The tree over {name} has {sum(counts)} triangles of {len(low)}.")
+        given.need(
+            sum(counts) == len(low), f"The tree over {name} has {sum(counts)} triangles of {len(low)}."
+        )
         cost = sum(count * area(tree.low[0, side], tree.high[0, side]) for side, count in enumerate(counts))
         best = best_split(low, high)
         given.need(
@@ -32,7 +34,11 @@ def cases() -> list[tuple[str, np.ndarray, np.ndarray]]:
     everywhere = rng.uniform(0, 1, (800, 3)) * (1, 2, 3)
     long = np.concatenate([rng.uniform(0, 1, (600, 3)) * (0.2, 0.2, 1), rng.uniform(0, 1, (60, 3)) * 2])
     found = []
-    for name, centres in (("a crowd beside a few", np.concatenate([crowd, few])), ("few and many", long), ("boxes everywhere", everywhere)):  # fmt: skip
+    for name, centres in (
+        ("a crowd beside a few", np.concatenate([crowd, few])),
+        ("few and many", long),
+        ("boxes everywhere", everywhere),
+    ):
         half = rng.uniform(0, 0.01, centres.shape)
         found.append((name, (centres - half).astype(np.float32), (centres + half).astype(np.float32)))
     return found
@@ -52,7 +58,10 @@ def best_split(low: np.ndarray, high: np.ndarray) -> float:
         before = np.minimum.accumulate(low[order]), np.maximum.accumulate(high[order])
         after = np.minimum.accumulate(low[order][::-1])[::-1], np.maximum.accumulate(high[order][::-1])[::-1]
         for count in range(1, len(low)):
-            left, right = area(before[0][count - 1], before[1][count - 1]), area(after[0][count], after[1][count])
+            left, right = (
+                area(before[0][count - 1], before[1][count - 1]),
+                area(after[0][count], after[1][count]),
+            )
             best = min(best, left * count + right * (len(low) - count))
     return float(best)
 

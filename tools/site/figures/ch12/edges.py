@@ -60,7 +60,9 @@ def shares(way: str) -> tuple[float, float, float]:
 
 def edges_by_arithmetic() -> Canvas:
     """The edge with its triangles, and bars of shares."""
-    c = Canvas(760, 300, "Rays at an edge between two triangles: gaps, single hits and double hits by arithmetic")
+    c = Canvas(
+        760, 300, "Rays at an edge between two triangles: gaps, single hits and double hits by arithmetic"
+    )
     a, b, left, right = (150.0, 60.0), (190.0, 240.0), (40.0, 170.0), (310.0, 120.0)
     c.polygon([a, b, left], "a")
     c.polygon([a, right, b], "b")

@@ -35,7 +35,9 @@ def boxes_of_the_top() -> list[tuple[float, float, float, float]]:
 
 def two_levels() -> Canvas:
     """Left the ground with its instances, right the records and what they name."""
-    c = Canvas(760, 400, "Instances in Morton order, their records in the upper level, and a structure for each mesh")
+    c = Canvas(
+        760, 400, "Instances in Morton order, their records in the upper level, and a structure for each mesh"
+    )
     side, left, top = 290.0, 24.0, 48.0
 
     def at(x: float, y: float) -> tuple[float, float]:
@@ -53,12 +55,30 @@ def two_levels() -> Canvas:
     c.line([at(*PLACES[i]) for i in ordered], "s2", 1.2, dashed=True)
     for number, (x, y) in enumerate(PLACES):
         px, py = at(x - HALF, y + HALF)
-        c.box(px, py, 2 * HALF * side, 2 * HALF * side, str(number), "a" if MESHES[number] == 0 else "b", 13, round=2)
+        c.box(
+            px,
+            py,
+            2 * HALF * side,
+            2 * HALF * side,
+            str(number),
+            "a" if MESHES[number] == 0 else "b",
+            13,
+            round=2,
+        )
     c.note(left, top + side + 22, "dashed: the order of the records (Morton)")
     c.text(350, 26, "records", 13, bold=True)
     for place, number in enumerate(ordered):
         y = top + 36.0 * place
-        c.box(350, y, 160, 28, f"instance {number}, mask 1, matrix", "a" if MESHES[number] == 0 else "b", 11, round=2)
+        c.box(
+            350,
+            y,
+            160,
+            28,
+            f"instance {number}, mask 1, matrix",
+            "a" if MESHES[number] == 0 else "b",
+            11,
+            round=2,
+        )
         c.arrow(510, y + 14, 586, 110.0 if MESHES[number] == 0 else 262.0, "line")
     c.text(590, 26, "lower level (BLAS)", 13, bold=True)
     c.box(590, 70, 150, 80, "mesh 0, at rest:\nbuilt once,\ncompacted", "a", 12)

@@ -13,9 +13,9 @@ EDGE = 1.0
 def offset(corners: float, translation: float, edge: float = EDGE) -> float:
     """Return the offset along one axis (shaders/ray_offset.glsl) of a triangle at right angles to that axis.
 
-    `corners` is its largest coordinate in object space, `translation` that of the instance, `edge` the sum of two edges.
+    `corners` is its largest coordinate in object space, `translation` that of the instance, `edge` two edges together.
     """
-    return UNIT * (7 * (corners + translation) + 5 * corners + 16 * edge)
+    return UNIT * (7 * (corners + translation) + 5 * corners + 20 * edge)
 
 
 def offsets_by_distance() -> Canvas:
@@ -30,7 +30,12 @@ def offsets_by_distance() -> Canvas:
         (
             Curve("a mesh far away", mesh, marks=False),
             Curve("an instance far away", instance, marks=False),
-            Curve("a constant millimetre", [(distances[0], 1e-3), (distances[-1], 1e-3)], dashed=True, marks=False),
+            Curve(
+                "a constant millimetre",
+                [(distances[0], 1e-3), (distances[-1], 1e-3)],
+                dashed=True,
+                marks=False,
+            ),
         ),
         "Triangles with edges of 1 cm in the mesh, of 1 m in the instance; no smaller offset is safe",
     )

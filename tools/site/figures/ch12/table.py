@@ -42,8 +42,12 @@ def binding_table() -> Canvas:
                 c.box(x, y, scale * limits.handle_size, 34, files[record], fill, 11, round=0)
                 record += 1
             if count:
-                c.note(left + scale * region.offset, y + 52 + 16 * (name == "miss"), f"{name} at {region.offset}")
+                c.note(
+                    left + scale * region.offset, y + 52 + 16 * (name == "miss"), f"{name} at {region.offset}"
+                )
         c.text(left + scale * end + 8, y + 22, f"{end} bytes", 12)
-    c.note(left, 290, "A hit takes record: instance offset + ray offset + geometry x ray stride, here always 0.")
+    c.note(
+        left, 290, "A hit takes record: instance offset + ray offset + geometry x ray stride, here always 0."
+    )
     c.note(left, 310, "A miss takes the record that the call names: 0 for trace, 1 for occluded.")
     return c

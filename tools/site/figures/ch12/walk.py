@@ -50,7 +50,7 @@ def interval(low: NDArray[np.float32], high: NDArray[np.float32], far: float) ->
 
 @dataclass
 class Walk:
-    """What happened to the boxes (node, side): entered, put off and dropped later; segments that were tested; the hit."""
+    """What happened to the boxes (node, side): entered, put off and dropped; segments that were tested; the hit."""
 
     entered: list[tuple[int, int]]
     dropped: list[tuple[int, int]]
@@ -99,14 +99,19 @@ def walk_of_a_ray() -> Canvas:
     """The square with boxes and segments, and the counts."""
     tree, ends = hierarchy(), segments()
     found = walk(tree)
-    c = Canvas(760, 400, "A ray through a hierarchy of boxes: those it enters, puts off and drops, and what it tests")
+    c = Canvas(
+        760, 400, "A ray through a hierarchy of boxes: those it enters, puts off and drops, and what it tests"
+    )
     side, left, top = 360.0, 20.0, 20.0
 
     def at(x: float, y: float) -> tuple[float, float]:
         return left + side * x, top + side * (1 - y)
 
     c.rectangle((left, top, side, side), "card", "line", False, 0)
-    kinds = {**dict.fromkeys(found.dropped, ("s2", 1.6, ' stroke-dasharray="4 3"')), **dict.fromkeys(found.entered, ("s1", 1.8, ""))}
+    kinds = {
+        **dict.fromkeys(found.dropped, ("s2", 1.6, ' stroke-dasharray="4 3"')),
+        **dict.fromkeys(found.entered, ("s1", 1.8, "")),
+    }
     for node in range(len(tree.children)):
         for half in (0, 1):
             (x0, y1), (x1, y0) = tree.low[node, half, :2], tree.high[node, half, :2]
