@@ -37,8 +37,8 @@ class RaySettings:
     )
     ray_view: str = knob(
         "picture",
-        "what a traced pixel shows: light, distance to the hit, number of the instance, barycentric coordinates, or the "
-        "steps of the traversal",
+        "what a traced pixel shows: light, distance to the hit, number of the instance, barycentric coordinates, or "
+        "the steps of our own traversal",
         choices=get_args(View),
     )
     ray_shadows: bool = knob(True, "whether a ray towards each light finds what stands before it")

@@ -22,8 +22,8 @@ def check(given: Given) -> None:
     for count in (5, 60, 900):
         centres, half = rng.uniform(0, 1, (count, 3)), rng.uniform(0, 0.1, (count, 3))
         cases[f"{count} boxes"] = (centres - half, centres + half)
-    flat = rng.uniform(0, 1, (50, 3)) * (1, 1, 0)
-    cases["boxes in a plane"] = (flat - (0.1, 0.1, 0), flat + (0.1, 0.1, 0))
+    flat, reach = rng.uniform(0, 1, (50, 3)) * (1, 1, 0), np.array((0.1, 0.1, 0.0))
+    cases["boxes in a plane"] = (flat - reach, flat + reach)
     cases["boxes at one place"] = (np.zeros((9, 3)), np.zeros((9, 3)))
     for name, (low, high) in cases.items():
         tree = build.build(np.float32(low), np.float32(high))

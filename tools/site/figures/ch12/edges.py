@@ -14,7 +14,7 @@ Float64 = NDArray[np.float64]
 
 
 def ends() -> tuple[Float32, Float32]:
-    """Return (RAYS, 2) both ends of an edge in the plane of the ray, which goes through (0, 0) and nearly through the edge."""
+    """Return (RAYS, 2) both ends of an edge in the plane in which the ray is (0, 0), nearly on the edge."""
     rng = np.random.default_rng(12)
     p = rng.uniform(-1, 1, (RAYS, 2))
     away = -p * rng.uniform(0.2, 2.0, (RAYS, 1))

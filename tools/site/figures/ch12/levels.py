@@ -24,7 +24,7 @@ def along_the_curve() -> list[int]:
 
 
 def boxes_of_the_top() -> list[tuple[float, float, float, float]]:
-    """Return (left, low, right, high) of the boxes of the upper level's inner nodes, built by the surface area heuristic."""
+    """Return (left, low, right, high) of the boxes of the upper level's inner nodes."""
     low = np.column_stack([PLACES - HALF, np.zeros(len(PLACES))]).astype(np.float32)
     high = np.column_stack([PLACES + HALF, np.full(len(PLACES), 2 * HALF)]).astype(np.float32)
     tree = build(low, high, largest=1)
