@@ -366,7 +366,7 @@ RAYS = 12
 
 
 def rays_sheet(cell: tuple[int, int] = (396, 222)) -> NDArray[Any]:
-    """Return (H, W, 3): the atrium rasterised, and traced with hard shadows and mirrors."""
+    """Return (H, W, 3): the atrium rasterised, and traced by rays."""
     return np.concatenate([_traced(cell, rays=shown) for shown in ("off", "whole")], axis=1)
 
 

@@ -28,7 +28,7 @@ def check(given: Given) -> None:
         for name, (positions, triangles) in {"a sphere": icosphere(2), "a ring": torus(16, 8)}.items():
             tree = pack.mesh_tree(positions, np.uint32(triangles).reshape(-1))
             buffers = pack.buffers([tree], np.eye(4)[None], [0])
-            origin = np.float32(INSIDE[name])
+            origin = np.array(INSIDE[name], np.float32)
             for what, places in aims(positions, triangles).items():
                 rays = rays_of(np.tile(origin, (len(places), 1)), np.float32(places - origin))
                 leaks = int((~tracer.trace(buffers, rays).hit).sum())

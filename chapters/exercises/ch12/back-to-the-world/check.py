@@ -28,7 +28,7 @@ def check(given: Given) -> None:
     ):
         tracer = Tracer(kernels, model, Path(folder))
         for count in (1, 2, 30):
-            matrices = np.float64(np.float32([placed(number) for number in range(count)]))
+            matrices = np.array([placed(number) for number in range(count)], np.float32).astype(np.float64)
             buffers = pack.buffers([tree], matrices, [0] * count)
             origins, directions = random_rays(2000, 5, 6.0)
             rays = rays_of(origins, directions)

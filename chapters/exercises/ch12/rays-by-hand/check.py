@@ -21,13 +21,13 @@ def measure(given: Given) -> dict[str, Answer]:
     tree = build.Tree(
         np.arange(4),
         np.array([[~0, ~1]]),
-        np.float32([[(0, 0, 0), (3, 0, 0)]]),
-        np.float32([[(2, 2, 2), (4, 2, 2)]]),
+        np.array([[(0, 0, 0), (3, 0, 0)]], np.float32),
+        np.array([[(2, 2, 2), (4, 2, 2)]], np.float32),
         np.array([0, 3]),
         np.array([3, 1]),
         [0, 1],
     )
-    p, q = np.float32((1, 2)), np.float32((3, 4))
+    p, q = (1, 2), (3, 4)
     code = int(model.leaf_code(np.array([9]), np.array([3]))[0])
     cell = [int(part) for part in morton.spread(np.array([3, 0, 1], np.uint64))]
     limits = pipelines.RayLimits(32, 64, 64, 1, 1 << 30, 4096)
