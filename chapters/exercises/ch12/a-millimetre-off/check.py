@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from common.numerics.transforms import rotation
+from common.numerics.transforms import pose_looking_at, rotation
 from common.scene import Light, Material, Scene
-from common.view.camera import Orthographic, View, pose_looking_at
+from common.view.camera import Orthographic, View
 from tests.support.scenes import quad_scene, translated
 from tools.exercises.checking import Given
 

@@ -18,7 +18,10 @@ def check(given: Given) -> None:
     )
     rng = np.random.default_rng(4)
     none = np.zeros((0, 3), np.float32)
-    cases = {"no triangle": (none, none), "a single leaf": (np.zeros((2, 3)), np.ones((2, 3)))}
+    cases: dict[str, tuple[np.ndarray, np.ndarray]] = {
+        "no triangle": (none, none),
+        "a single leaf": (np.zeros((2, 3)), np.ones((2, 3))),
+    }
     for count in (5, 60, 900):
         centres, half = rng.uniform(0, 1, (count, 3)), rng.uniform(0, 0.1, (count, 3))
         cases[f"{count} boxes"] = (centres - half, centres + half)
@@ -26,7 +29,7 @@ def check(given: Given) -> None:
     cases["boxes in a plane"] = (flat - reach, flat + reach)
     cases["boxes at one place"] = (np.zeros((9, 3)), np.zeros((9, 3)))
     for name, (low, high) in cases.items():
-        tree = build.build(np.float32(low), np.float32(high))
+        tree = build.build(np.asarray(low, np.float32), np.asarray(high, np.float32))
         found = np.asarray(module.overlaps(tree), np.float64)
         wanted = np.array([overlap(tree, node) for node in range(len(tree.children))])
         given.need(
