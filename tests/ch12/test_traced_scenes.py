@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from common.numerics.transforms import pose_looking_at, rotation
-from common.scene import Animation, AnimationChannel, Deformation, Light, Material, Scene
+from common.scene import Animation, AnimationChannel, Deformation, Image, Light, Material, Scene
+from common.scene.merge import merge_scenes
 from common.scene.sheets import cloth, cloth_scene_of
 from common.view.camera import Orthographic, Perspective, View
 from tests.support.scenes import NEAREST, facing, moved, nodes_at, quad_scene, scaled, texture, translated
@@ -107,19 +108,19 @@ def test_cloth_is_followed(chapter):
         assert moved_by > 0.02, way
 
 
-def over_ground(scene: Scene) -> Scene:
-    """Return a scene of cloth with a square of 12 m below it and a lamp above."""
-    ground = quad_scene(MATTE, matrices=(placed((0, -1.5, 0), (12, 12), (0, 1, 0)),))
-    return merge([scene, ground])
+def before_wall(scene: Scene) -> Scene:
+    """Return a scene of cloth with a square of 12 m behind it, seen from its light."""
+    wall = quad_scene(MATTE, matrices=(placed((0, 0, -3.0), (12, 12), (0, 0, 1)),))
+    return merge_scenes([scene, wall])[0]
 
 
 def test_cloth_that_is_out_of_view_casts_its_shadow(chapter):
     """The shadow is that of the cloth as it hangs now, whether it is in view or not."""
-    narrow = View(pose_looking_at((0.5, 0.0, 2.0), (0.5, -2.0, 1.0)), Perspective(0.4, 0.05))
+    narrow = View(pose_looking_at((0.5, 0.0, -1.5), (0.5, 0.0, -3.0)), Perspective(1.4, 0.05))
     for way in ways_of(chapter)[:1]:
         shown = []
         for wide in (CLOTH_VIEW, narrow):
-            scene = over_ground(cloth_scene_of(cloth(pins=(0,)), material=MATTE))
+            scene = before_wall(cloth_scene_of(cloth(pins=(0,)), material=MATTE))
             with opened(chapter, scene, ray_way=way, cloth=True) as renderer:
                 for k in range(12):
                     light(renderer, wide, k / 20)

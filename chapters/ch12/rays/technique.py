@@ -36,6 +36,8 @@ class RayTechnique(Technique):
         package = f"{__package__}.bvh" if way == picture.BVH else __package__
         self._structures = structures = backend.part(package).open_structures(backend, parts)
         cloth = bool(passes["cloth"].externals)
+        if cloth:
+            passes["cloth"].frames.everywhere = True
         for gpu_pass in (build, trace):
             gpu_pass.structures = structures
             gpu_pass.follow(way, structures.sizes, cloth)
