@@ -29,7 +29,7 @@ class RayTechnique(Technique):
         """Make the passes, and the structures if they are in use."""
         build, trace = StructuresPass(parts), RayPicturePass(parts)
         self.passes = {build.name: build, trace.name: trace}
-        if not picture.in_use(parts.settings):
+        if not picture.in_use(parts.scene, parts.settings):
             return
         self._backend, self._settings, self._trace = backend, parts.settings, trace
         way = picture.chosen_way(parts.settings, backend.plan)
