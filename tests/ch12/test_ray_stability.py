@@ -35,7 +35,9 @@ TURN = rotation((0.3, 1.0, 0.2), 0.7)
 LONG = ("as it is", "far")
 
 
-@pytest.fixture(params=[pytest.param(name, marks=pytest.mark.long) if name in LONG else name for name in CASES])
+@pytest.fixture(
+    params=[pytest.param(name, marks=pytest.mark.long) if name in LONG else name for name in CASES]
+)
 def case(request):
     return CASES[request.param]
 

@@ -71,7 +71,9 @@ def test_a_view_of_a_quantity_is_rasterised(chapter):
 def test_a_way_that_the_device_lacks_is_refused_in_a_sentence(chapter):
     """On OpenGL as on Vulkan without the feature; `auto` takes what is left."""
     for way, feature in (("pipeline", "ray-tracing"), ("query", "ray-query")):
-        with pytest.raises(UserError, match=f"ray_way={way} needs {feature}, which .*: set ray_way=bvh, or auto"):
+        with pytest.raises(
+            UserError, match=f"ray_way={way} needs {feature}, which .*: set ray_way=bvh, or auto"
+        ):
             opened_without(chapter, {"ray-tracing", "ray-query"}, ray_way=way)
     with opened_without(chapter, {"ray-tracing", "ray-query"}) as renderer:
         work = renderer.render(VIEW).work
@@ -91,7 +93,9 @@ def test_several_pages_of_geometry_are_refused(chapter, monkeypatch):
     scene = soup_scene([soup(20, 1), soup(20, 2)], [(0, np.eye(4)), (1, np.eye(4))])
     with opened(chapter, scene) as renderer:
         assert len(renderer._data.pages) > 1
-        with pytest.raises(UserError, match="scene has 2 pages of geometry on this backend, .*: set rays=off"):
+        with pytest.raises(
+            UserError, match="scene has 2 pages of geometry on this backend, .*: set rays=off"
+        ):
             renderer.render(VIEW)
 
 
@@ -101,7 +105,9 @@ def test_more_instances_than_rays_tell_apart_are_refused(chapter, monkeypatch):
     assert model.MOST_INSTANCES == 1 << 24
     monkeypatch.setattr(model, "MOST_INSTANCES", 6)
     for way in ways_of(chapter):
-        with pytest.raises(SceneError, match="scene has 7 instances, and rays of this device tell 6 apart: merge"):
+        with pytest.raises(
+            SceneError, match="scene has 7 instances, and rays of this device tell 6 apart: merge"
+        ):
             opened(chapter, court(), ray_way=way)
     assert memory.check_count is model.check_count
 
@@ -126,7 +132,9 @@ def test_triangles_without_area_or_with_nan_change_nothing(chapter):
     for way in ways_of(chapter):
         seen = picture(chapter, scene, view, ray_way=way, ray_view="barycentrics").reshape(-1, 3)
         assert np.isfinite(seen).all()
-        wanted = np.where((truth.instance >= 0)[:, None], np.column_stack([1 - truth.at.sum(axis=1), truth.at]), 0.0)
+        wanted = np.where(
+            (truth.instance >= 0)[:, None], np.column_stack([1 - truth.at.sum(axis=1), truth.at]), 0.0
+        )
         assert np.abs(seen - wanted)[sure].max() < 5e-4, way
 
 
@@ -189,7 +197,9 @@ def test_a_frame_takes_as_many_tiles_as_the_time_of_an_earlier_one_asks_for(chap
     wanted = picture(chapter, court(), VIEW, ray_way=way)
     with opened(chapter, court(), ray_way=way) as renderer:
         monkeypatch.setattr(renderer._api, "timings", lambda slot: dict(took))
-        monkeypatch.setattr(tiles, "perf_counter", iter(range(1, 10**6)).__next__)  # frames are a second apart
+        monkeypatch.setattr(
+            tiles, "perf_counter", iter(range(1, 10**6)).__next__
+        )  # frames are a second apart
         counts, dispatches = [], []
         for _ in range(8):
             frame = renderer.render(VIEW)

@@ -35,7 +35,9 @@ def test_edits_are_followed(chapter):
     for way in ways_of(chapter):
         scene = yard(LAMP, material=MATTE)
         edits = {
-            "moved": lambda edit: edit.set_transform(1, matrix=translated(0.7, 0.3, 0.2) @ edit.scene.nodes.matrix[1]),
+            "moved": lambda edit: edit.set_transform(
+                1, matrix=translated(0.7, 0.3, 0.2) @ edit.scene.nodes.matrix[1]
+            ),
             "mirrored": lambda edit: edit.set_transform(
                 2, matrix=edit.scene.nodes.matrix[2] @ np.diag((-1.0, 1.3, 1.0, 1.0))
             ),
@@ -136,7 +138,11 @@ def layers(front: Material, colors: np.ndarray | None = None, images: tuple = ()
     """Return a square that fills `facing()`, and a larger one of UNLIT behind it."""
     behind = translated(z=-0.5) @ np.diag((2.0, 2.0, 1.0, 1.0))
     scene = quad_scene(
-        materials=(front, UNLIT), matrices=(np.eye(4), behind), instance_materials=(0, 1), colors=colors, images=images
+        materials=(front, UNLIT),
+        matrices=(np.eye(4), behind),
+        instance_materials=(0, 1),
+        colors=colors,
+        images=images,
     )
     return scene
 

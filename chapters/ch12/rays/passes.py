@@ -59,7 +59,9 @@ class Structures(Protocol):
     def record(self, commands: Any, slot: int) -> None:
         """Record what the frame builds."""
 
-    def bind_pass(self, commands: Any, pipeline: Built, scene: SceneBinding, page: Any, textures: Any) -> None:
+    def bind_pass(
+        self, commands: Any, pipeline: Built, scene: SceneBinding, page: Any, textures: Any
+    ) -> None:
         """Bind a pass that traces: a scene's binding, a page, a set of textures or None, and the structures."""
 
     def close(self) -> None:

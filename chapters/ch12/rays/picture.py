@@ -83,8 +83,10 @@ def variant_of_all(variants: Sequence[Variant]) -> Variant:
 def picture_defines(scene: Scene, settings: Any, used: Sequence[int]) -> Defines:
     """Return what picture.glsl is built with, besides the variant of its materials."""
     knobs = settings.rays
-    sky: Defines = () if Sky.needed(scene, settings) else (
-        ("BACKGROUND", background(settings, settings.shading.background)),
+    sky: Defines = (
+        ()
+        if Sky.needed(scene, settings)
+        else (("BACKGROUND", background(settings, settings.shading.background)),)
     )
     return (
         *flag_defines(),
