@@ -7,9 +7,9 @@
 //   The next test takes the origin p back to object space, as M^-1 (p - T): u |p| and 5 roundings of |M| |M^-1| |p - T|.
 //   For rotations and for scales along the axes of the object, |M| |M^-1| is at most 1 in every entry, and p - T is at
 //   most |M| s. Shear adds as its condition grows.
-//   The test itself moves corners by 6 u times their distance from the origin. Its edge functions are off by 2 u times
-//   the square of that, which moves t by as much as another 6 u times the distance over the sine at which the ray leaves.
-//   Both are below 16 u (|e1| + |e2|), and both are lengths along the normal.
+//   The test itself moves corners by 10 u times their distance from the origin (slabs.glsl). Its edge functions are off
+//   by 2 u times the square of that, which moves t by as much as another 6 u times the distance over the sine at which the
+//   ray leaves. Both together are below 20 u (|e1| + |e2|), and both are lengths along the normal.
 // What is added rounds once more. Normals of slivers have errors of their own: this holds to an aspect of 1000.
 
 struct SurfacePoint {
@@ -32,7 +32,7 @@ SurfacePoint surface_point(mat3x4 world_from_object, vec3 a, vec3 b, vec3 c, vec
     normal /= max(length(normal), 1e-30);
     normal = dot(cross(rows[0], rows[1]), rows[2]) < 0.0 ? -normal : normal;
     vec3 placed = max(max(abs(a), abs(b)), abs(c)) * sizes, edges = (abs(e1) + abs(e2)) * sizes;
-    float around = 5.0 * dot(placed, vec3(1.0)) + 16.0 * dot(edges, vec3(1.0));
+    float around = 5.0 * dot(placed, vec3(1.0)) + 20.0 * dot(edges, vec3(1.0));
     vec3 error = 7.0 * (placed + abs(translation)) + 6.0 * edges + around;
     return SurfacePoint(position, normal, dot(abs(normal), error) / 16777216.0);
 }

@@ -1,16 +1,18 @@
 // Rays against boxes, which are never missed where a triangle inside is hit by `hits_triangle` of watertight.glsl.
 //
-// The test of triangles has errors of its own. A corner p relative to the origin, sheared by S = d_x / d_z along the
-// largest part z of the direction, has p_x - S p_z with errors of u |p_x| and u |p_z| from the differences, of 2 u |S p_z|
-// from quotient and product, and of u (|p_x| + |p_z|) from the last difference; |S| <= 1. So the triangle that is tested
-// is off by at most u (2 |p_x| + 4 |p_z|) from the one in the box, with u = 2^-24, and the box is widened by more than that:
-// by 8 u (|p_x| + |p_z|) for the farthest corners of all boxes. The difference with the origin then has another rounding.
-// Where the ray that meets triangles is another one than this, more or less, those 8 roundings become more.
+// The test of triangles has errors of its own. With u = 2^-24, a corner p relative to the origin, and S = d_x / d_z along
+// the largest part z of the direction, so that |S| <= 1: p_x - S p_z has u |p_x| and u |p_z| from the differences, 5 u |p_z|
+// from the quotient (2.5 units in the last place, which is what Vulkan asks for; u where division is rounded well), u |p_z|
+// from the product, and u (|p_x| + |p_z|) from the last difference. So the triangle that is tested is off by at most
+// u (2 |p_x| + 8 |p_z|) from the one in the box. The box is widened by 12 u (|p_x| + |p_z|) for the farthest corners of all
+// boxes, of which the rounding of that sum is a part. Where the ray that meets triangles is another one than this, more or
+// less, the 12 roundings become more.
 //
-// Each t of a plane has a difference, a quotient and a product: a relative error of gamma(3) = 3 u / (1 - 3 u). So the
-// farther one is enlarged by 1 + 2 gamma(3) (Ize 2013, "Robust BVH Ray Traversal").
+// Each t of a plane has a difference, a quotient and a product: a relative error of gamma(7) = 7 u / (1 - 7 u). So the
+// farther one is enlarged by 1 + 2 gamma(7) (Ize 2013, "Robust BVH Ray Traversal", where division has one rounding and it is
+// gamma(3)).
 
-const float SLAB_FAR = 1.0 + 6.0 / 16777216.0 + 2.0 / 16777216.0;  // the last term is for the roundings of itself
+const float SLAB_FAR = 1.0 + 16.0 / 16777216.0;  // two of these are for the roundings of itself
 
 struct SlabRay {
     vec3 inverse;    // of the direction, never infinite

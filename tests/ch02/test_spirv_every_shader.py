@@ -179,6 +179,14 @@ GIVEN_IN: dict[str, dict[str, int | float | str | None]] = {
         "KEPT": 11,
     },  # a radius is a condition here
     "shading_rates": {"COLUMNS": 8, "ROWS": 6, "BY_PRIMITIVE": 1},
+    "bvh": {
+        "BVH_LEAF": "2147483648u",
+        "BVH_COUNT_SHIFT": "29u",
+        "BVH_NO_CHILD": "4294967295u",
+        "BVH_NON_OPAQUE": "1u",
+        "BVH_UNUSABLE": "1u",
+        "BVH_STACK": 76,
+    },
     "transparency": {"STEP": 1},
     "separable_bloom": {"TAPS": ", ".join(["1.0"] * 11), "AXIS": 0},
     "linear_depth": {"CARDS": 7, "NEAREST": 1.5, "FLOOR": 1.0, "STANDARD": 0},

@@ -40,7 +40,9 @@ def check(tree, low, high, largest=model.LEAF_LARGEST):
 
     depth = 0
     if len(low) > largest:
-        depth = max(inside(tree.children[0, side], tree.low[0, side], tree.high[0, side], 1) for side in range(2))
+        depth = max(
+            inside(tree.children[0, side], tree.low[0, side], tree.high[0, side], 1) for side in range(2)
+        )
         assert depth == tree.depth <= model.DEPTH_UPPER
         assert tree.levels[-1] == len(tree.children)
         assert (covered == 1).all()
@@ -103,7 +105,9 @@ def halves_cost(low, high):
     return cost(low, high) / area(low, high)
 
 
-@pytest.mark.parametrize("corners", [soup(2000, 1, 0.03), icosphere(4)[0][icosphere(4)[1]]], ids=["soup", "sphere"])
+@pytest.mark.parametrize(
+    "corners", [soup(2000, 1, 0.03), icosphere(4)[0][icosphere(4)[1]]], ids=["soup", "sphere"]
+)
 def test_a_tree_is_better_than_halves(corners):
     """The heuristic against lists in Morton order that are split in the middle: at least a tenth less."""
     low, high = boxes_of(corners)
@@ -116,12 +120,18 @@ def test_morton_order_follows_the_curve():
     cells = np.stack(np.meshgrid(*[np.arange(8)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     codes = morton.codes(cells.astype(np.float32), bits=3)
     plain = [
-        sum(((int(value) >> bit) & 1) << (3 * bit + 2 - axis) for axis, value in enumerate(cell) for bit in range(3))
+        sum(
+            ((int(value) >> bit) & 1) << (3 * bit + 2 - axis)
+            for axis, value in enumerate(cell)
+            for bit in range(3)
+        )
         for cell in cells
     ]
     assert codes.tolist() == plain
     jumble = np.random.default_rng(1).permutation(len(cells))
-    assert np.array_equal(cells[jumble][morton.order(cells[jumble].astype(np.float32))], cells[np.argsort(plain)])
+    assert np.array_equal(
+        cells[jumble][morton.order(cells[jumble].astype(np.float32))], cells[np.argsort(plain)]
+    )
     odd = np.float32([(np.nan, 0, 0), (1, 1, 1), (0, 0, 0), (np.inf, 0, 0), (1, 1, 1)])
     assert morton.order(odd).tolist() == [0, 2, 3, 1, 4]
     assert morton.order(odd[:1]).tolist() == [0] and len(morton.order(odd[:0])) == 0
@@ -143,7 +153,9 @@ def test_100_000_triangles_take_less_than_thrice_embree_s_time():
 
     positions, triangles = icosphere(6)
     positions = np.float32(positions * (1 + 0.02 * np.random.default_rng(1).normal(size=(len(positions), 1))))
-    positions, indices = indexed(np.concatenate([positions[triangles], soup(100_000 - len(triangles), 2, 0.01)]))
+    positions, indices = indexed(
+        np.concatenate([positions[triangles], soup(100_000 - len(triangles), 2, 0.01)])
+    )
     ray = np.zeros((1, 3), np.float32), np.float32([(0, 0, 1)])
 
     def ours():

@@ -1,4 +1,4 @@
-"""The builder on the GPU, on both backends: every step against numpy, the hits against brute force, one result alone."""
+"""The builder on the GPU, on both backends: hits against brute force, order against numpy, and one result alone."""
 
 from __future__ import annotations
 

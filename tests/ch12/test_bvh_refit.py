@@ -1,4 +1,4 @@
-"""Refits on both backends: a hierarchy of what has moved is hit like one that was built anew, and its boxes are numpy's."""
+"""Refits on both backends: what has moved is hit as if built anew, and boxes are those of numpy."""
 
 from __future__ import annotations
 
@@ -38,13 +38,20 @@ class Refitter:
     def _run(self, name, buffers, more, count, push=(0, 0, 0, 0), *defines):
         pipeline = self.kernels.pipeline(FOLDER / name, defines=(*self.constants, *defines))
         arrays = [buffers.nodes.view(np.uint32), buffers.triangles.view(np.uint32), buffers.instances, *more]
-        nodes, triangles, instances = self.kernels.run(pipeline, arrays, (count,), np.array(push, np.uint32))[:3]
+        nodes, triangles, instances = self.kernels.run(pipeline, arrays, (count,), np.array(push, np.uint32))[
+            :3
+        ]
         return replace(
-            buffers, nodes=nodes.view(model.NODE), triangles=triangles.view(model.TRIANGLE), instances=instances
+            buffers,
+            nodes=nodes.view(model.NODE),
+            triangles=triangles.view(model.TRIANGLE),
+            instances=instances,
         )
 
     def triangles(self, buffers, first, count, table, words, page=0):
-        return self._run("refit.comp", buffers, [table, words], count, (first, count, page, 0), ("TRIANGLES", 1))
+        return self._run(
+            "refit.comp", buffers, [table, words], count, (first, count, page, 0), ("TRIANGLES", 1)
+        )
 
     def nodes(self, buffers, lists, upper=False):
         for list_ in lists:
@@ -53,7 +60,9 @@ class Refitter:
 
     def instances(self, buffers, records):
         slots = buffers.slots.view(np.uint32)
-        buffers = self._run("instances.comp", buffers, [records.view(np.uint32).reshape(-1), slots], len(buffers.slots))
+        buffers = self._run(
+            "instances.comp", buffers, [records.view(np.uint32).reshape(-1), slots], len(buffers.slots)
+        )
         levels = buffers.levels
         lists = [np.arange(a, b, dtype=np.uint32) for a, b in zip(levels[-2::-1], levels[:0:-1], strict=True)]
         return self.nodes(buffers, lists, upper=True)
@@ -122,13 +131,14 @@ def test_deforming_meshes_are_hit_as_after_a_build(tracer, refitter):
     fill_instances(records, matrices, matrices, origin=(0, 0, 0), object_bounds=np.zeros((3, 2, 3)),
                    mesh=[0, 1, 2], material=0, visible=True)  # fmt: skip
     fitted = refitter.instances(fitted, records)
-    anew = pack.buffers(
-        [pack.mesh_tree(positions, indices) for positions, (_, indices) in zip(end, meshes, strict=True)], matrices, [0, 1, 2]
-    )  # fmt: skip
+    anew = [pack.mesh_tree(positions, indices) for positions, (_, indices) in zip(end, meshes, strict=True)]
+    anew = pack.buffers(anew, matrices, [0, 1, 2])
     assert anew.left_out == 2
     rays = rays_of(*random_rays(4000, 4, 2.5))
     got, expected, before = (tracer.trace(which, rays) for which in (fitted, anew, buffers))
-    assert np.array_equal(got.instance, expected.instance) and np.array_equal(got.primitive, expected.primitive)
+    assert np.array_equal(got.instance, expected.instance) and np.array_equal(
+        got.primitive, expected.primitive
+    )
     assert np.array_equal(got.t, expected.t) and np.array_equal(got.back, expected.back)
     assert expected.hit.mean() > 0.4 and not np.array_equal(before.t, expected.t)
     opened = (got.instance == 2) & (got.primitive == 1)
@@ -139,7 +149,10 @@ def test_deforming_meshes_are_hit_as_after_a_build(tracer, refitter):
 def test_moving_instances_are_hit_as_after_a_build(tracer, refitter):
     """Instances that turn, mirror, hide and appear; one whose matrix is no longer a matrix."""
     rng = np.random.default_rng(5)
-    trees = [pack.mesh_tree(*indexed(soup(40, 1, 0.4))), pack.mesh_tree(np.zeros((0, 3)), np.zeros(0, np.uint32))]
+    trees = [
+        pack.mesh_tree(*indexed(soup(40, 1, 0.4))),
+        pack.mesh_tree(np.zeros((0, 3)), np.zeros(0, np.uint32)),
+    ]
     count = 50
 
     def places():
@@ -202,7 +215,9 @@ def test_a_refit_costs_more_than_a_build_where_much_has_moved():
     order = np.random.default_rng(8).permutation(500)
     tree = pack.mesh_tree(*indexed(corners), deforming=True)
     built = build.cost(tree.nodes)
-    assert built == pytest.approx(build.sah_cost(build.build(corners.min(axis=1), corners.max(axis=1))), rel=1e-6)
+    assert built == pytest.approx(
+        build.sah_cost(build.build(corners.min(axis=1), corners.max(axis=1))), rel=1e-6
+    )
     jumbled = tree.triangles.copy()
     for name in "abc":
         jumbled[name] = tree.triangles[name][order]

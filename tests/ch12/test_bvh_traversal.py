@@ -1,4 +1,4 @@
-"""What rays hit through the hierarchy, on both backends: every triangle tried in float64, and closed meshes without leaks."""
+"""What rays hit through the hierarchy, on both backends: as by brute force in float64; closed meshes do not leak."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ from tests.twins.rays import box_interval, moeller_trumbore, nearest
 
 pytestmark = [pytest.mark.variants("vulkan", "gl"), pytest.mark.feature("ray-tracing/software-bvh")]
 ALONE = np.eye(4)[None]
+BOTH = (("NON_OPAQUE", 1), ("STEPS", 1))
+"""Defines of the traversal; compiling it takes longer than its rays."""
 
 
 @pytest.fixture(scope="module")
@@ -32,8 +34,8 @@ def alone(positions, triangles):
 def same_places(t, truth, rays, size=2.0):
     """Return whether hits are where they should be: t within 1e-5, and beside the origin within 16 u of the size.
 
-    Corners are rounded relative to the origin of the ray, so that what is nearer than triangles are long has the errors of
-    their length.
+    Corners are rounded relative to the origin of the ray, so that what is nearer than triangles are long has the errors
+    of their length.
     """
     length = np.linalg.norm(rays[:, 4:7].astype(np.float64), axis=1)
     return np.abs(t - truth) * length <= 1e-5 * truth * length + 2.0**-20 * size
@@ -83,7 +85,9 @@ def test_real_scenes_are_hit_as_by_brute_force(tracer, name):
         scene.indices[m["first_index"] : m["first_index"] + m["index_count"]].reshape(-1, 3) for m in meshes
     ]
     vertices = [scene.positions[m["first_vertex"] : m["first_vertex"] + m["vertex_count"]] for m in meshes]
-    trees = [pack.mesh_tree(positions, list_.reshape(-1)) for positions, list_ in zip(vertices, lists, strict=True)]
+    trees = [
+        pack.mesh_tree(positions, list_.reshape(-1)) for positions, list_ in zip(vertices, lists, strict=True)
+    ]
     buffers = pack.buffers(trees, matrices, mesh_of)
     boxes = pack.world_boxes(matrices, np.array([tree.box for tree in trees])[mesh_of]).astype(np.float64)
     rng = np.random.default_rng(4)
@@ -92,17 +96,23 @@ def test_real_scenes_are_hit_as_by_brute_force(tracer, name):
     rays = rays_of(origins, np.float32(rng.uniform(low, high, (40, 3)) - origins))
     hits = tracer.trace(buffers, rays)
     compared = 0
-    for ray, (instance, primitive, t) in zip(rays, zip(hits.instance, hits.primitive, hits.t, strict=True), strict=True):
+    for ray, (instance, primitive, t) in zip(
+        rays, zip(hits.instance, hits.primitive, hits.t, strict=True), strict=True
+    ):
         enter, leave = box_interval(boxes[:, 0] - 1e-3, boxes[:, 1] + 1e-3, ray[:3], ray[4:7])
         near = np.flatnonzero((enter <= leave) & (leave > 0))
-        corners = [vertices[mesh_of[i]][lists[mesh_of[i]]].astype(np.float64) @ matrices[i, :3, :3].T + matrices[i, :3, 3]
-                   for i in near]  # fmt: skip
+        corners = [
+            vertices[m][lists[m]].astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+            for m, matrix in zip(mesh_of[near], matrices[near], strict=True)
+        ]
         owner = np.repeat(near, [len(part) for part in corners])
         number = np.concatenate([np.arange(len(part)) for part in corners])
         found, truth, sure = nearest(np.concatenate(corners), ray[None, :3], ray[None, 4:7], doubt=1e-4)
         if sure[0]:  # not within another wall, and not on an edge
             compared += 1
-            assert (instance, primitive) == ((owner[found[0]], number[found[0]]) if found[0] >= 0 else (-1, -1))
+            assert (instance, primitive) == (
+                (owner[found[0]], number[found[0]]) if found[0] >= 0 else (-1, -1)
+            )
             assert found[0] < 0 or same_places(t, truth, ray[None], np.abs(high - low).max()).all()
     assert compared > 20
 
@@ -129,13 +139,17 @@ def test_closed_meshes_have_no_leaks(tracer, name, place):
     for matrix, offset in ((np.eye(3), 0.0), (turned, 50.0)):
         placed = np.eye(4)
         placed[:3, :3], placed[:3, 3] = matrix, offset
-        buffers = pack.buffers([pack.mesh_tree(positions, np.uint32(triangles).reshape(-1))], placed[None], [0])
+        buffers = pack.buffers(
+            [pack.mesh_tree(positions, np.uint32(triangles).reshape(-1))], placed[None], [0]
+        )
         origins = np.float32(inside @ matrix.T + offset)
         rays = rays_of(origins, np.float32(aim @ matrix.T + offset - origins))
         assert tracer.trace(buffers, rays).hit.all()
         assert tracer.occluded(buffers, rays).all()
         # A triangle that is missing is noticed.
-        holed = pack.buffers([pack.mesh_tree(positions, np.uint32(triangles[7:]).reshape(-1))], placed[None], [0])
+        holed = pack.buffers(
+            [pack.mesh_tree(positions, np.uint32(triangles[7:]).reshape(-1))], placed[None], [0]
+        )
         assert not tracer.trace(holed, rays).hit.all() or len(triangles) > 1000
 
 
@@ -156,7 +170,9 @@ def test_instances_turned_scaled_and_mirrored(tracer):
     assert (np.linalg.det(matrices[:, :3, :3]) < 0).any() and (np.linalg.det(matrices[:, :3, :3]) > 0).any()
     mesh_of = np.arange(30) % 2
     buffers = pack.buffers([pack.mesh_tree(*indexed(mesh)) for mesh in meshes], matrices, mesh_of)
-    corners = [meshes[m].astype(np.float64) @ w[:3, :3].T + w[:3, 3] for w, m in zip(matrices, mesh_of, strict=True)]
+    corners = [
+        meshes[m].astype(np.float64) @ w[:3, :3].T + w[:3, 3] for w, m in zip(matrices, mesh_of, strict=True)
+    ]
     owner = np.repeat(np.arange(30), [len(part) for part in corners])
     number = np.concatenate([np.arange(len(part)) for part in corners])
     rays = rays_of(*random_rays(1500, 5, 4.0))
@@ -164,8 +180,12 @@ def test_instances_turned_scaled_and_mirrored(tracer):
     names = np.where(hits.hit, hits.instance * 1000 + hits.primitive, -1)
     both = check((names, hits.t), np.concatenate(corners), rays, owner * 1000 + number)
     # The side that is seen is that in object space: a mirror does not turn it.
-    objects = np.array([np.linalg.inv(matrices[i])[:3, :3] @ d for i, d in zip(hits.instance, rays[:, 4:7], strict=True)])
-    own = np.array([meshes[m][p] for m, p in zip(mesh_of[hits.instance], hits.primitive, strict=True)], object)
+    objects = np.array(
+        [np.linalg.inv(matrices[i])[:3, :3] @ d for i, d in zip(hits.instance, rays[:, 4:7], strict=True)]
+    )
+    own = np.array(
+        [meshes[m][p] for m, p in zip(mesh_of[hits.instance], hits.primitive, strict=True)], object
+    )
     own = np.stack(list(own)).astype(np.float64)
     normal = np.cross(own[:, 1] - own[:, 0], own[:, 2] - own[:, 0])
     assert np.array_equal(hits.back[both], ((normal * objects).sum(axis=1) > 0)[both])
@@ -197,10 +217,10 @@ def test_surfaces_that_are_not_opaque_ask_for_each_candidate(tracer):
     sure = ((np.abs(inside) > 1e-5) & (np.abs(u - 0.5) > 1e-5)).all(axis=1)
     reached = np.where(accepted & (inside >= 0) & (t > 0), t, np.inf)
     which = np.where(np.isfinite(reached.min(axis=1)), reached.argmin(axis=1), -1)
-    hits = tracer.trace(buffers, rays, 0xFF, ("NON_OPAQUE", 1))
+    hits = tracer.trace(buffers, rays, 0xFF, *BOTH)
     assert sure.mean() > 0.9
     assert np.array_equal(np.where(hits.hit, hits.instance * 120 + hits.primitive, -1)[sure], which[sure])
-    assert np.array_equal(tracer.occluded(buffers, rays, 0xFF, ("NON_OPAQUE", 1))[sure], which[sure] >= 0)
+    assert np.array_equal(tracer.occluded(buffers, rays, 0xFF, *BOTH)[sure], which[sure] >= 0)
     opaque = tracer.trace(buffers, rays)
     assert not np.array_equal(opaque.primitive, hits.primitive)
 
@@ -208,7 +228,14 @@ def test_surfaces_that_are_not_opaque_ask_for_each_candidate(tracer):
 def test_ends_of_rays_do_not_belong_to_them(tracer):
     sheet = np.float32([[(-1, -1, 0), (1, -1, 0), (0, 2, 0)]])
     buffers = alone(*indexed(sheet))
-    for t_min, t_max, hit in ((0, 4, False), (0, 4.001, True), (4, 9, False), (3.999, 9, True), (5, 9, False), (0, 3, False)):
+    for t_min, t_max, hit in (
+        (0, 4, False),
+        (0, 4.001, True),
+        (4, 9, False),
+        (3.999, 9, True),
+        (5, 9, False),
+        (0, 3, False),
+    ):
         rays = rays_of([(0, 0, 4)], [(0, 0, -1)], t_min, t_max)
         assert tracer.trace(buffers, rays).hit.tolist() == [hit]
         assert tracer.occluded(buffers, rays).tolist() == [hit]
@@ -286,7 +313,7 @@ def test_a_world_scaled_and_moved_is_hit_alike(tracer, scale, away):
 def test_steps_are_counted_and_fewer_than_all(tracer):
     buffers = alone(*icosphere(3))
     rays = rays_of(*random_rays(500, 15))
-    hits = tracer.trace(buffers, rays, 0xFF, ("STEPS", 1))
+    hits = tracer.trace(buffers, rays, 0xFF, *BOTH)
     plain = tracer.trace(buffers, rays)
     assert np.array_equal(hits.primitive, plain.primitive) and np.array_equal(hits.t, plain.t)
     assert (plain.steps == 0).all() and (hits.steps >= 1).all() and hits.steps[hits.hit].min() > 5

@@ -73,7 +73,7 @@ def test_a_plane_under_grazing_light_does_not_shade_itself(chapter, case):
 
 @pytest.mark.core
 def test_a_closed_box_stays_dark_inside(chapter, case):
-    """A lamp stands outside. Edges and corners, where squares meet, let nothing through; without shadows it is bright."""
+    """A lamp stands outside. Edges where squares meet let nothing through; without shadows it is bright inside."""
     lamp, pose = point((3.0, 2.0, 1.5), candela=1e4)
     walls = [TURN @ it for it in box((0.0, 0.0, 0.0), 2.0)]
     scene = lit(walls, lamp, TURN @ pose)
@@ -87,7 +87,7 @@ def test_a_closed_box_stays_dark_inside(chapter, case):
 
 @pytest.mark.core
 def test_a_shadow_begins_where_a_wall_stands_on_the_ground(chapter, case):
-    """The light comes from behind the wall: the ground in front of it is dark up to a thousandth of the wall's height."""
+    """Light comes from behind the wall: the ground in front of it is dark up to a thousandth of the wall's height."""
     lamp, pose = sun((0.0, -1.0, 1.0), lux=1e4)
     ground, wall = placed((0, 0, 0), (4, 4), (0, 1, 0)), placed((0, 0.5, 0), (1, 1), (0, 0, 1))
     scene = lit([TURN @ ground, TURN @ wall], lamp, TURN @ pose)

@@ -11,6 +11,8 @@ from chapters.ch12.rays import model
 from chapters.ch12.rays import vulkan as structures_on_vulkan
 from chapters.ch12.rays import vulkan_build as build
 from chapters.ch12.rays.model import BLENDED, SURFACES
+from chapters.ch12.scene import data as scene_data
+from chapters.ch12.scene.records import RECORD_BYTES
 from common.errors import SceneError
 from common.numerics.transforms import translation
 from common.scene import Material
@@ -324,3 +326,21 @@ def test_structures_follow_geometry_that_is_uploaded_anew(chapter, way, tmp_path
         assert (after.t == before.t).all() and (after.primitive[hit] == 59 - before.primitive[hit]).all()
         traces.build(0)
         assert traces.structures.revision == 1 and not traces.structures.builds_top
+
+
+def test_instances_in_two_bindings_are_all_hit(chapter, way, tmp_path, monkeypatch):
+    """As on a device whose shaders see so little of a buffer that eight instances take two bindings."""
+    monkeypatch.setattr(
+        scene_data,
+        "instance_parts",
+        lambda count, most: [(0, 4 * RECORD_BYTES), (4 * RECORD_BYTES, 4 * RECORD_BYTES)],
+    )
+    matrices = [translation((2.5 * x, 0.0, 0.0)) for x in (3, 0, 5, 1, 7, 2, 6, 4)]
+    scene = soup_scene([soup(30, 24)], [(0, matrix) for matrix in matrices])
+    with traces_of(chapter, ch12.__name__, scene, tmp_path) as traces:
+        assert dict(traces.api.data.defines)["INSTANCES_PER_PAGE"] == 4
+        rays = random_rays(scene, 1500, 25)
+        traced = traces.trace(traces.pipeline(traces.description(way)), *rays)
+        hold(traced, scene, *rays)
+        assert set(traced.instance.tolist()) == set(range(-1, 8))
+        assert traces.structures._order.tolist() == [1, 3, 5, 0, 7, 2, 6, 4]

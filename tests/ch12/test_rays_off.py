@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
+from chapters import settings_class
 from chapters.ch12.rays import model, tiles
 from chapters.ch12.rays.bvh import memory
 from chapters.ch12.scene import pages
 from chapters.ch12.settings import Settings
 from common.errors import SceneError, UserError
 from common.numerics.transforms import pose_looking_at
-from common.scene import Image, Material
+from common.scene import Material
 from common.view.camera import Perspective, View
-from tests.support.chapter import building
 from tests.support.frame_costs import chapter_before
 from tests.support.ray_scenes import placements, soup, soup_scene, world_triangles
-from tests.support.scenes import facing, quad_scene, texture, translated
+from tests.support.scenes import facing
 from tests.support.shadows import PLAIN, point, yard
-from tests.support.traced_pictures import SIZE, light, need, opened, picture, primary_rays, ways_of
+from tests.support.traced_pictures import SIZE, light, opened, picture, primary_rays, ways_of
 from tests.twins.brute_rays import nearest
 
 pytestmark = pytest.mark.variants("vulkan", "gl")
@@ -41,7 +39,9 @@ def test_without_rays_the_frame_is_that_of_the_chapter_before(chapter, graph):
     """Its picture to the bit, its passes, its counters, and no structure."""
     knobs = {**PLAIN, "shadows": "off", "graph": graph}
     before = chapter_before(chapter)
-    with before.open(court(), SIZE, type_of(before)(**knobs), outputs={"color_linear"}) as renderer:
+    with before.open(
+        court(), SIZE, settings_class(before.which)(**knobs), outputs={"color_linear"}
+    ) as renderer:
         frame = renderer.render(VIEW)
         wanted, work, passes = frame.image("color_linear"), frame.work, set(frame.timings)
     with chapter.open(court(), SIZE, Settings(**knobs), outputs={"color_linear"}) as renderer:
@@ -51,12 +51,6 @@ def test_without_rays_the_frame_is_that_of_the_chapter_before(chapter, graph):
         assert frame.work | {"passes_skipped": 0} == work | {"passes_skipped": 0}
         assert not {"ray_structures", "rays"} & {it.name for it in renderer.passes}
         assert not any(name.startswith("ray_") for name in renderer.graph.resources)
-
-
-def type_of(chapter):
-    import chapters
-
-    return chapters.settings_class(chapter.which)
 
 
 def test_a_view_of_a_quantity_is_rasterised(chapter):

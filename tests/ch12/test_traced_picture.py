@@ -77,7 +77,7 @@ def panorama():
 
 
 def crowd():
-    """Return two materials, one of them unlit, on squares that are turned, squeezed, mirrored and behind one another."""
+    """Return squares that are turned, squeezed, mirrored and behind one another, one of them unlit."""
     grey = Material(base_color=(0.7, 0.5, 0.3, 1.0), roughness=0.6, metallic=0.2, double_sided=True)
     plain = Material(base_color=(0.2, 0.6, 0.4, 1.0), unlit=True, double_sided=True)
     drawn = [placed((0, -1, 0), (8, 8), (0, 1, 0)), *placements()]
@@ -152,7 +152,7 @@ def test_a_square_casts_the_shadow_of_its_outline(chapter):
 @pytest.mark.core
 @pytest.mark.parametrize("view", [PITCHED, FLAT], ids=["perspective", "orthographic"])
 def test_a_mirror_shows_the_mirrored_wall(chapter, view):
-    """The floor shows the wall where the mirrored ray meets it, and else the background; without mirrored rays, nothing."""
+    """The floor shows the wall where the mirrored ray meets it, else the background; without such rays, nothing."""
     scene, place = mirror_and_wall(turn=0.4)
     pixels, _, _, wall = mirror_of(view, SIZE, place)
     outside = np.abs(wall).max(axis=1) - 1

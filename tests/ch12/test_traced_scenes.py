@@ -7,15 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from common.numerics.transforms import pose_looking_at, rotation
-from common.scene import Animation, AnimationChannel, Deformation, Image, Light, Material, Scene
+from common.numerics.transforms import pose_looking_at
+from common.scene import Animation, AnimationChannel, Deformation, Image, Material, Scene
 from common.scene.merge import merge_scenes
 from common.scene.sheets import cloth, cloth_scene_of
-from common.view.camera import Orthographic, Perspective, View
-from tests.support.scenes import NEAREST, facing, moved, nodes_at, quad_scene, scaled, texture, translated
-from tests.support.shadows import bending, box, placed, point, sun, yard
-from tests.support.taa import STEP
-from tests.support.traced_pictures import SIZE, TRACED, light, off_edges, opened, picture, ways_of
+from common.view.camera import Perspective, View
+from tests.support.scenes import facing, nodes_at, quad_scene, texture, translated
+from tests.support.shadows import bending, placed, point, yard
+from tests.support.traced_pictures import light, off_edges, opened, picture, ways_of
 
 pytestmark = pytest.mark.variants("vulkan", "gl")
 

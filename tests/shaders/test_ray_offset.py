@@ -28,9 +28,12 @@ RESULTS = {"position": "vec3", "normal": "vec3", "offset": "float", "origin": "v
 
 
 def case(count, seed, scale=1.0, away=0.0, instanced=True):
-    """Return triangles, instances and rays as inputs, and matrices in float64; a tenth of the rays leave nearly along."""
+    """Return inputs, triangles in the world, their normals and the rays; half of these run nearly along the
+    triangle."""
     rng = np.random.default_rng(seed)
-    corners = rng.normal(size=(count, 1, 3)) * 5 + rng.normal(size=(count, 3, 3)) * 10.0 ** rng.uniform(-2, 1, (count, 1, 1))
+    corners = rng.normal(size=(count, 1, 3)) * 5 + rng.normal(size=(count, 3, 3)) * 10.0 ** rng.uniform(
+        -2, 1, (count, 1, 1)
+    )
     matrix = np.tile(np.eye(4), (count, 1, 1))
     if instanced:
         turn = np.linalg.qr(rng.normal(size=(count, 3, 3)))[0]  # of both signs
@@ -81,7 +84,9 @@ def test_no_ray_meets_the_triangle_that_it_leaves(either_device, scale, away, in
     side = np.sign((directions * np.float64(got["normal"])).sum(axis=1))
     assert (height * side > 0).all()
     # It is as near as the numbers allow: within some dozens of roundings of coordinates and edges.
-    reach = np.abs(world).max(axis=(1, 2)) + (np.abs(np.stack([given[f"row{i}"][:, 3] for i in range(3)])).max(axis=0))
+    reach = np.abs(world).max(axis=(1, 2)) + (
+        np.abs(np.stack([given[f"row{i}"][:, 3] for i in range(3)])).max(axis=0)
+    )
     edges = np.abs(world - world[:, :1]).max(axis=(1, 2))
     assert (got["offset"] <= 2.0**-24 * (80 * reach + 300 * edges)).all()
     assert (np.abs(height) <= 2.1 * got["offset"]).all()
@@ -105,7 +110,7 @@ def test_positions_and_normals_are_those_of_float64(either_device):
 def test_a_sheet_just_behind_is_not_reached(either_device):
     """No leak: a parallel sheet that is 1e-4 of the scene away is not behind the origin of a ray, at each scale."""
     for scale in (1e-3, 1.0, 1e3):
-        given, world, normal, _ = case(5000, 13, scale, instanced=False)
+        given, world, _, _ = case(5000, 13, scale, instanced=False)
         got = run(either_device, given)
         size = np.abs(world).max()
         assert (got["offset"] < 1e-4 * size).all()

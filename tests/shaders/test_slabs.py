@@ -11,7 +11,7 @@ from tests.twins.rays import box_interval
 UNIT = 2.0**-24
 software = pytest.mark.feature("ray-tracing/software-bvh")
 INTERVAL = """
-    SlabRay ray = slab_ray(origin, direction, {centre}, {extent}, 8.0);
+    SlabRay ray = slab_ray(origin, direction, {centre}, {extent}, 12.0);
     {change}
     vec2 both = slab_interval(ray, low, high, t_min, t_max);
     enter = both.x;
@@ -73,7 +73,7 @@ def test_boxes_of_triangles_that_are_hit_are_never_missed(either_device, seed):
 
 @software
 def test_intervals_are_those_of_float64(either_device):
-    """Planes move by 8 u of twice the reach and 2 u of the origin, and t has another 8 u."""
+    """Planes move by 12 u of twice the reach and 2 u of the origin, and t has another 16 u."""
     rng = np.random.default_rng(4)
     count = 20000
     low = np.float32(rng.normal(size=(count, 3)))
@@ -83,7 +83,9 @@ def test_intervals_are_those_of_float64(either_device):
     directions[rng.random((count, 3)) < 0.1] = 0.0
     directions[(directions == 0).all(axis=1), 1] = -1.0
     got = run(either_device, low, high, origins, directions, t_min=-0.0)
-    reach = np.maximum(np.abs(low - origins), np.abs(high - origins)).max(axis=1) + np.abs(origins).max(axis=1)
+    reach = np.maximum(np.abs(low - origins), np.abs(high - origins)).max(axis=1) + np.abs(origins).max(
+        axis=1
+    )
     pad = 40 * UNIT * reach[:, None]
     inner = box_interval(low, high, origins, directions)
     outer = box_interval(low - pad, high + pad, origins, directions)
@@ -93,7 +95,7 @@ def test_intervals_are_those_of_float64(either_device):
     assert (got["enter"] <= got["leave"])[ahead].all()
     missed = (outer[0] > outer[1]) | (outer[1] < 0)
     assert missed.mean() > 0.2 and (got["enter"] > got["leave"])[missed].all()
-    slack = 20 * UNIT * (np.abs(outer[0]) + np.abs(outer[1]))
+    slack = 30 * UNIT * (np.abs(outer[0]) + np.abs(outer[1]))
     both = ahead & np.isfinite(outer).all(axis=0)
     enter, leave = np.maximum(outer[0], 0), outer[1]
     assert (got["enter"] >= enter - slack)[both].all() and (got["leave"] <= leave + slack)[both].all()

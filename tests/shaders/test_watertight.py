@@ -43,7 +43,7 @@ def some(count, seed=1):
 
 @software
 def test_hits_are_those_of_float64(either_device):
-    """Away from edges; edge functions are off by 2 u of squares of distances, relative to the area that the ray sees."""
+    """Away from edges; edge functions are off by 2 u of squares of distances, over the area that the ray sees."""
     corners, origins, directions = some(20000)
     got = hits(either_device, corners, origins, directions)
     t, u, v, inside = moeller_trumbore(corners, origins, directions)
@@ -143,13 +143,30 @@ def test_exactly_on_edges_and_corners(either_device):
     for direction in np.float32([(0, 0, -1), (0, 0, 2), (0.5, 0.25, -1), (-1, 2, 4)]):
         origins = places - direction
         both = [
-            hits(either_device, np.broadcast_to(one, (len(places), 3, 3)), origins, np.broadcast_to(direction, places.shape))
-            for one in square
+            hits(either_device, np.repeat(half[None], len(places), axis=0), origins, 0 * places + direction)
+            for half in square
         ]  # fmt: skip
         hit = (both[0]["hit"] | both[1]["hit"]) == 1
         assert np.array_equal(hit, ((places[:, :2] >= 0) & (places[:, :2] <= 4)).all(axis=1))
         assert np.array_equal((both[0]["hit"] & both[1]["hit"]) == 1, hit & (places[:, 0] == places[:, 1]))
         assert (both[0]["t"][both[0]["hit"] == 1] == 1.0).all()
+
+
+@software
+def test_slivers_whose_products_are_equal_once_rounded(either_device):
+    """Corners some roundings off a diagonal, on both sides of the ray: whole numbers decide, as fractions do here."""
+    rng = np.random.default_rng(9)
+    count = 6000
+    places = (1 + rng.integers(0, 9, (count, 3, 2)) * 2.0**-23) * rng.choice([-1, 1], (count, 3, 1))
+    corners = np.float32(np.concatenate([places, np.zeros((count, 3, 1))], axis=2))
+    rays = np.broadcast_to(np.float32((0, 0, 1)), (count, 3))
+    got = hits(either_device, corners, rays, -rays)["hit"] == 1
+    signs = np.array([
+        [sign_of_difference(q[0], p[1], q[1], p[0]) for p, q in ((a, b), (b, c), (c, a))] for a, b, c in corners
+    ])  # fmt: skip
+    inside = ((signs >= 0).all(axis=1) | (signs <= 0).all(axis=1)) & (signs != 0).any(axis=1)
+    assert 0.02 < inside.mean() < 0.6
+    assert np.array_equal(got, inside)
 
 
 @software
@@ -171,13 +188,16 @@ def test_equal_corners_and_what_is_no_number_are_never_hit(either_device):
 
 @software
 def test_edge_functions_must_not_be_contracted():
-    """Each of their products and differences is decorated NoContraction (SPIR-V 3.20); the software drivers fuse nothing
-    in any case, so that hits alone would not show a missing `precise`."""
+    """Each of their products and differences is decorated NoContraction (SPIR-V 3.20).
+
+    The software drivers fuse nothing in any case, so that hits alone would not show a missing `precise`.
+    """
     text = """#include "watertight.glsl"
         layout(local_size_x = 1) in;
         layout(BIND(0, 0, 0), std430) buffer Data_ { vec4 data[8]; };
         void main() { float t; vec2 at; bool back;
-            bool hit = hits_triangle(sheared_ray(data[0].xyz, data[1].xyz), data[2].xyz, data[3].xyz, data[4].xyz, t, at, back);
+            ShearedRay ray = sheared_ray(data[0].xyz, data[1].xyz);
+            bool hit = hits_triangle(ray, data[2].xyz, data[3].xyz, data[4].xyz, t, at, back);
             data[5] = vec4(t, at, hit ? 1.0 : 0.0); }
     """
     words = np.frombuffer(compile_shader(build_text(text, "comp", "vulkan")), np.uint32)

@@ -144,7 +144,9 @@ def icosphere(levels: int) -> tuple[np.ndarray, np.ndarray]:
         if near[i, j] and near[j, k] and near[i, k]
     ])  # fmt: skip
     for _ in range(levels):
-        edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+        edges = np.sort(
+            np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1
+        )
         edges, which = np.unique(edges, axis=0, return_inverse=True)
         x, y, z = which.reshape(3, -1) + len(positions)
         a, b, c = triangles.T
@@ -163,7 +165,9 @@ def torus(around: int, across: int, thickness: float = 0.35) -> tuple[np.ndarray
         np.arange(around) / around * 2 * np.pi, np.arange(across) / across * 2 * np.pi, indexing="ij"
     )
     radius = 1 + thickness * np.cos(v)
-    positions = np.stack([radius * np.cos(u), radius * np.sin(u), thickness * np.sin(v)], axis=-1).reshape(-1, 3)
+    positions = np.stack([radius * np.cos(u), radius * np.sin(u), thickness * np.sin(v)], axis=-1).reshape(
+        -1, 3
+    )
     i, j = np.meshgrid(np.arange(around), np.arange(across), indexing="ij")
     a, b = i * across + j, (i + 1) % around * across + j
     c, d = i * across + (j + 1) % across, (i + 1) % around * across + (j + 1) % across

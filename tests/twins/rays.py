@@ -40,8 +40,8 @@ def nearest(
 ) -> tuple[NDArray[np.int64], Float64, NDArray[np.bool_]]:
     """Return the triangle that each ray hits first (MISS for none), its t, and whether that is beyond doubt.
 
-    Every ray (R, 3) is tried against every triangle (T, 3, 3). A ray is in doubt if it passes within `doubt` of an edge, in
-    barycentric coordinates, of a triangle that it meets in front of the first hit or nearly there.
+    Every ray (R, 3) is tried against every triangle (T, 3, 3). A ray is in doubt if it passes within `doubt` of an
+    edge, in barycentric coordinates, of a triangle that it meets in front of the first hit or nearly there.
     """
     corners, origins = np.asarray(corners, np.float64), np.asarray(origins, np.float64)
     directions = np.asarray(directions, np.float64)
@@ -58,7 +58,9 @@ def nearest(
             distance[some] = reached.min(axis=1)
             which[some] = np.where(np.isfinite(distance[some]), reached.argmin(axis=1), MISS)
             near_edge = (np.abs(inside) < doubt) & ahead & (t <= distance[some, None] * (1 + 1e-4))
-            also = (inside >= -doubt) & ahead & (np.abs(t - distance[some, None]) <= 1e-5 * distance[some, None])
+            also = (
+                (inside >= -doubt) & ahead & (np.abs(t - distance[some, None]) <= 1e-5 * distance[some, None])
+            )
         sure[some] = ~near_edge.any(axis=1) & (also.sum(axis=1) <= 1)
     return which, distance, sure
 
@@ -69,7 +71,9 @@ def sign_of_difference(a: float, b: float, c: float, d: float) -> int:
     return (difference > 0) - (difference < 0)
 
 
-def box_interval(low: ArrayLike, high: ArrayLike, origins: ArrayLike, directions: ArrayLike) -> tuple[Float64, Float64]:
+def box_interval(
+    low: ArrayLike, high: ArrayLike, origins: ArrayLike, directions: ArrayLike
+) -> tuple[Float64, Float64]:
     """Return where lines enter and leave boxes (..., 3), planes included; a line misses if the first is larger."""
     low, high, origins, directions = (np.asarray(a, np.float64) for a in (low, high, origins, directions))
     with np.errstate(all="ignore"):

@@ -43,10 +43,10 @@ class RayDescription:
     miss: tuple[str, ...] = ()
     hits: tuple[HitGroup, ...] = ()
     callables: tuple[str, ...] = ()
-    defines: tuple[tuple[str, int | float | str], ...] = ()
-    specialization: tuple[tuple[str | int, int | float | bool], ...] = ()
-    dynamic: tuple[str, ...] = ()
     name: str = ""
+    defines: tuple[tuple[str, int | float | str], ...] = ()
+    dynamic: tuple[str, ...] = ()
+    specialization: tuple[tuple[str | int, int | float | bool], ...] = ()
     recursion: int = RECURSION
     linked: bool = False
     payload_bytes: int = 32
@@ -60,7 +60,7 @@ class RayDescription:
 
     @property
     def title(self) -> str:
-        """The name, or the file of the ray generation shader if there is no name."""
+        """The name, or the file of the ray generation shader if there is none."""
         return self.name or self.raygen
 
     def check(self, deepest: int) -> None:

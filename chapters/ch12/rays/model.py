@@ -40,7 +40,9 @@ def masks(scene: Scene, hidden: bool = False) -> NDArray[np.uint32]:
     """Return (I,) the mask of each instance; with `hidden` those of hidden ones as if they were visible."""
     blended = np.array([material.alpha_mode == "blend" for material in scene.materials], bool)
     of_instance = blended[scene.meshes["material"][scene.instances.mesh]]
-    return np.where(scene.instances.visible | hidden, np.where(of_instance, BLENDED, SURFACES), 0).astype(np.uint32)
+    return np.where(scene.instances.visible | hidden, np.where(of_instance, BLENDED, SURFACES), 0).astype(
+        np.uint32
+    )
 
 
 def instance_table(

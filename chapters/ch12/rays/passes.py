@@ -8,7 +8,7 @@ The picture is one text, whatever finds the hits: a raygen shader, a kernel with
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, Protocol
 
 import numpy as np

@@ -59,9 +59,13 @@ def most_rays(scene: Scene, settings: Any, size: tuple[int, int]) -> int:
 def chosen_way(settings: Any, plan: Plan) -> str:
     """Return the way that finds hits.
 
-    Raises UserError if the settings name a way that the device does not have.
+    Raises UserError if the settings name a way that the device does not have, or a view that the way does not have.
     """
     wanted = str(settings.rays.ray_way)
+    if settings.rays.ray_view == "steps":  # drivers count none of theirs
+        if wanted not in ("auto", BVH):
+            raise UserError(f"ray_view=steps shows the steps of our own BVH: set ray_way={BVH}, or auto.")
+        return BVH
     if wanted == "auto":
         return next((way for way, feature in FEATURES.items() if plan.native(feature)), BVH)
     if wanted != BVH and not plan.native(FEATURES[wanted]):

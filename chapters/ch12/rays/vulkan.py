@@ -35,7 +35,7 @@ from ..pipelines.description import Built
 from ..pipelines.vulkan_descriptors import Held, Sets, Structure
 from ..scene.pages import mesh_records
 from ..scene.pass_parts import PassParts
-from ..scene.vulkan_data import PAGE, TEXTURES
+from ..visibility.vulkan import Bindings
 from .bvh.morton import order as morton_order
 from .model import check_count, instance_table, order_words
 from .triangles import build_order, mesh_triangles
@@ -58,6 +58,7 @@ class RayStructures:
     def __init__(self, backend: VulkanBackend, scene: Scene, budget: Budget = DEFAULT) -> None:
         self._device, self._data = backend.device, backend.data
         self._resources, self._descriptors = backend.resources, backend.descriptors
+        self._surfaces = Bindings(backend)
         self._scene, self._budget, self._limits = scene, budget, StructureLimits.of(backend.device)
         check_count(len(scene.instances), self._limits.most_instances)
         self._kernel = backend.pipelines.get([RECORDS])[0]
@@ -281,10 +282,7 @@ class RayStructures:
         """Bind a pass that traces: the scene, a page, a set of textures or None, and the structures."""
         if self._traced[0] != [pipeline]:
             self.make_sets([pipeline], STRUCTURES_SET)
-        commands.bind_compute(pipeline, scene)
-        commands.bind_compute_set(pipeline, PAGE, page[0])
-        if textures is not None:
-            commands.bind_compute_set(pipeline, TEXTURES, textures)
+        self._surfaces.bind(commands, pipeline, scene, page, textures)
         self.bind(commands, pipeline)
 
     def close(self) -> None:

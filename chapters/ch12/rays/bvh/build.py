@@ -27,9 +27,9 @@ class Tree:
     """A hierarchy of two children each, inner nodes level by level from the root.
 
     `order` (N,) lists primitives as leaves use them. Children (M, 2) are numbers of inner nodes, or ~leaf; leaves have
-    `first` and `count`, a range of `order`. Boxes `low` and `high` (M, 2, 3) are those of the children. `levels` has the
-    first node of each level and the number of nodes last. Without primitives there is no node; with one leaf alone the
-    root has it as its first child, and ~-1 = 0 as the second never occurs: `count` of that leaf is 0.
+    `first` and `count`, a range of `order`. Boxes `low` and `high` (M, 2, 3) are those of the children. `levels`
+    has the first node of each level and the number of nodes last. Without primitives there is no node. Where one
+    leaf has all primitives, the root has it as its first child and a leaf of none as its second.
     """
 
     order: Integers
@@ -157,7 +157,7 @@ def _rows(array: Floats, which: Integers) -> Floats:
 
 
 def _partition(side: NDArray[np.bool_], begin: Integers) -> tuple[Integers, Integers]:
-    """Return how many of each node's range go to the left, and the list (P,) that puts them before the others, stably."""
+    """Return how many of each node's range go to the left, and the list (P,) that puts them first, stably."""
     to_left, to_right = np.flatnonzero(~side), np.flatnonzero(side)
     right = np.add.reduceat(side, begin, dtype=np.int64)
     left = np.diff(begin, append=len(side)) - right

@@ -17,7 +17,7 @@ struct Push {
 };
 PUSH(Push, push)
 
-#define BVH_WRITTEN
+#define BVH_WRITTEN 1
 #define RAYS_SET 0
 #define RAYS_BINDING 0
 #include "rays/bvh/records.glsl"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from .model import DEPTH_LARGEST
 
-CODE_BITS, DIGIT_BITS, RUN = 30, 4, 32
+CODE_BITS, DIGIT_BITS, RUN_LENGTH = 30, 4, 32
 """Of Morton codes, of a digit of the sort, and how many pairs an invocation of the sort takes: as in the kernels."""
 
 
@@ -29,7 +29,8 @@ class Step:
 class Rebuilt:
     """A mesh with a hierarchy that is made on the GPU: its first node and triangle, its triangles, and its page.
 
-    It has a node for each triangle but one (`pack.mesh_tree` leaves room), of which those of few triangles are not in use.
+    It has a node for each triangle but one (`pack.mesh_tree` leaves room). Those of four triangles or less have no
+    children.
     """
 
     root: int
@@ -55,20 +56,20 @@ class Rebuilt:
     @property
     def sizes(self) -> dict[str, int]:
         """Bytes of the buffers that a rebuild uses: two of pairs, the sort's counts, the tree of halves."""
-        counts = 4 * (1 << DIGIT_BITS) * -(-self.triangles // RUN)
+        counts = 4 * (1 << DIGIT_BITS) * -(-self.triangles // RUN_LENGTH)
         return {"pairs": 8 * self.triangles, "counts": counts, "halves": 2 * 32 * self.width}
 
     def rebuild(self) -> Iterator[Step]:
-        """Yield the steps of a rebuild, one behind the other with a barrier between; the boxes must have been refitted."""
+        """Yield the steps of a rebuild, with a barrier between each two; the boxes must have been refitted."""
         if not self.triangles:
             return
         mesh = (self.root, self.first, self.triangles, self.bits)
         yield Step("fast.comp", "CODES", self.triangles, (*mesh, 0, self.width, 0, 0))
         back = False
-        runs = -(-self.triangles // RUN)
+        runs = -(-self.triangles // RUN_LENGTH)
         for shift in range(0, 32, DIGIT_BITS):  # an even number of digits: pairs end where they began
             push = (self.triangles, shift, 0, 0)
-            yield Step("sort.comp", "COUNT", runs, push, back)
+            yield Step("sort.comp", "COUNTS", runs, push, back)
             yield Step("sort.comp", "SCAN", 1, push, back)
             yield Step("sort.comp", "", runs, push, back)
             back = not back

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from backends.gl.resources import Buffer, bind_buffer, create_buffer, destroy_buffer, write_buffer
 
-from ...frames.commands import SceneBinding
-from ...frames.gl_commands import PAGE_BINDING, Commands
+from ...frames.gl_commands import Commands
 from ...pipelines.description import Built
+from ...visibility.gl import Bindings
 from ..passes import BUFFERS
 from .memory import INSTANCES, NODES, TRIANGLES, BvhMemory
 
@@ -22,19 +21,14 @@ _TABLE = {TRIANGLES: "meshes", NODES: "list", INSTANCES: "slots"}
 class Memory(BvhMemory):
     """Buffers that this object owns, bound to each kernel one by one."""
 
-    def bind_pass(
-        self, commands: Commands, pipeline: Built, scene: SceneBinding, page: Any, textures: Any
-    ) -> None:
-        """Bind a kernel, a page and a set of textures; the scene is bound for the whole frame."""
-        commands.bind_compute(pipeline, scene)
-        bind_buffer(self._backend.device, "storage", PAGE_BINDING, page[0])
-        if textures is not None:
-            commands.bind_textures(textures)
+    surfaces = Bindings
 
-    def _create(self, content: NDArray[np.uint8], name: str) -> Buffer:
-        buffer = create_buffer(self._backend.device, content.nbytes, "device", name)
-        write_buffer(self._backend.device, buffer, content)
-        return buffer
+    def _create(self, content: Mapping[str, NDArray[np.uint8]]) -> dict[str, Buffer]:
+        buffers, context = {}, self._backend.device
+        for name, part in content.items():
+            buffers[name] = create_buffer(context, part.nbytes, "device", f"rays: {name}")
+            write_buffer(context, buffers[name], part)
+        return buffers
 
     def _replace(self, content: Mapping[str, NDArray[np.uint8]]) -> None:
         for name, part in content.items():

@@ -3,7 +3,7 @@
 
 layout(local_size_x = 64) in;
 
-#define BVH_WRITTEN
+#define BVH_WRITTEN 1
 #define RAYS_SET 0
 #define RAYS_BINDING 0
 #include "masks.glsl"

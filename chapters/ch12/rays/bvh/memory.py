@@ -7,7 +7,7 @@ moved records nothing.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from common.errors import SceneError
 from common.scene import Change, Pose, Scene
 from common.scene.pose import evaluate_pose
 
-from ...frames.commands import Commands, SceneBinding
+from ...frames.commands import Commands
 from ...pipelines.compute_description import ComputeDescription
 from ...pipelines.description import Built
 from ...scene.pages import mesh_records
@@ -57,7 +57,8 @@ class BvhMemory:
         """What the frame does, from `prepare` on."""
         content = self._content()
         self.sizes: Mapping[str, int] = {name: content[name].nbytes for name in BUFFERS}
-        self.buffers = {name: self._create(part, name) for name, part in content.items()}
+        self.buffers = self._create(content)
+        self.bind_pass = self.surfaces(backend).bind
         for resources in backend.copies.also:
             resources |= {name: self.buffers[name] for name in BUFFERS}
         self._make_bindings()
@@ -67,7 +68,9 @@ class BvhMemory:
         """Build the trees, and return the content of all buffers as bytes, by name."""
         scene = self._scene
         trees = [
-            pack.mesh_tree(*_turned(mesh_triangles(scene, mesh)), mesh=mesh, deforming=mesh in self._deforming)
+            pack.mesh_tree(
+                *_turned(mesh_triangles(scene, mesh)), mesh=mesh, deforming=mesh in self._deforming
+            )
             for mesh in range(len(scene.meshes))
         ]
         matrices = np.array(evaluate_pose(scene, 0.0).world_from_object, np.float64)
@@ -79,7 +82,9 @@ class BvhMemory:
         except ValueError as error:
             raise SceneError(f"This scene cannot be traced: {error}.") from error
         self._left_out, self._instances, self._slots = packed.left_out, len(scene.instances), packed.slots
-        self._runs = [(mesh, int(packed.firsts[mesh]), len(trees[mesh].triangles)) for mesh in self._deforming]
+        self._runs = [
+            (mesh, int(packed.firsts[mesh]), len(trees[mesh].triangles)) for mesh in self._deforming
+        ]
         own = [(int(packed.roots[mesh]), trees[mesh].levels) for mesh in self._deforming]
         below = pack.refit_lists(own)
         top = [
@@ -175,14 +180,11 @@ class BvhMemory:
 
     # --- by backend ---
 
-    def bind_pass(
-        self, commands: Any, pipeline: Built, scene: SceneBinding, page: Any, textures: Any
-    ) -> None:
-        """Bind a pass that traces: a scene's binding, a page, and a set of textures or None."""
-        raise NotImplementedError
+    surfaces: Callable[[Any], Any]
+    """Makes what binds a scene's binding, a page, and a set of textures or None."""
 
-    def _create(self, content: NDArray[np.uint8], name: str) -> Any:
-        """Return a buffer of the device with this content."""
+    def _create(self, content: Mapping[str, NDArray[np.uint8]]) -> dict[str, Any]:
+        """Return buffers of the device with this content, by name."""
         raise NotImplementedError
 
     def _replace(self, content: Mapping[str, NDArray[np.uint8]]) -> None:

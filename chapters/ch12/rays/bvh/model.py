@@ -33,7 +33,7 @@ TRIANGLE = np.dtype(
         ("mesh", np.uint32),
     ]
 )
-"""48 bytes: corners in object space, the triangle's number in its mesh's index list, flags, and the mesh, for refits."""
+"""48 bytes: corners in object space, the triangle's number in its mesh's index list, flags, and for refits the mesh."""
 
 INSTANCE = np.dtype(
     [
@@ -44,12 +44,12 @@ INSTANCE = np.dtype(
         ("flags", np.uint32),
     ]
 )
-"""64 bytes. Each row has a row of the inverse of the instance's matrix, without translation, and of the translation one
-number, which leaves a point before the row multiplies it: far from the origin both may be large, their difference is not.
-`root` is the node at which the mesh begins."""
+"""64 bytes. Each row has a row of the inverse of the instance's matrix, without translation, and one number of the
+translation. That is subtracted from a point before the row multiplies it: far from the origin both may be large, and
+their difference is not. `root` is the node at which the mesh begins."""
 
 HEAD = np.dtype([("root", np.uint32), ("count", np.uint32), ("spare", np.uint32, 2)])
-"""What stands before the records of instances: the node at which the upper level begins, and how many records follow."""
+"""What stands before the records of instances: the node at which the upper level begins, and the number of records."""
 
 SLOT = np.dtype([("instance", np.uint32), ("box", np.uint32), ("mask", np.uint32), ("flags", np.uint32)])
 """What the kernel that writes an instance's record knows of it: its place in the scene; where its box lies in the upper
@@ -73,8 +73,9 @@ UNUSABLE = 1
 without it."""
 
 DEPTH_UPPER, DEPTH_LARGEST = 32, 44
-"""How many nodes stand above one another at most, in the upper level and in a mesh. A rebuild on the GPU has as many levels
-as its codes and the number of leaves have bits. A traversal keeps one code for each node on its way, of both levels."""
+"""How many nodes stand above one another at most: where numpy builds (instances and meshes), and in a mesh that the GPU
+built, whose levels are the bits of its codes and of the number of its triangles. A traversal keeps one code for each
+node on its way through both levels."""
 STACK = DEPTH_UPPER + DEPTH_LARGEST
 
 CONSTANTS = {

@@ -28,16 +28,14 @@ def codes(points: NDArray[np.float32], bits: int = BITS) -> NDArray[np.uint64]:
 
     What is not finite counts as the box's low corner. A box without extent along an axis gives that axis zeros.
     """
-    points = np.asarray(points, np.float64)
-    if not len(points):
-        return np.zeros(0, np.uint64)
-    finite = np.isfinite(points).all(axis=1)
+    places = np.asarray(points, np.float64)
+    finite = np.asarray(np.isfinite(places).all(axis=1))
     if not finite.any():
-        return np.zeros(len(points), np.uint64)
-    low, high = points[finite].min(axis=0), points[finite].max(axis=0)
+        return np.zeros(len(places), np.uint64)
+    low, high = places[finite].min(axis=0), places[finite].max(axis=0)
     size = np.where(high > low, high - low, 1.0)
-    cells = np.where(finite[:, None], (points - low) / size, 0.0) * (2.0**bits)
-    cells = np.minimum(cells, 2.0**bits - 1).astype(np.uint64)
+    places = np.where(finite[:, None], (places - low) / size, 0.0) * (2.0**bits)
+    cells = np.minimum(places, 2.0**bits - 1).astype(np.uint64)
     x, y, z = (spread(cells[:, axis]) for axis in range(3))
     return x << np.uint64(2) | y << np.uint64(1) | z
 

@@ -19,8 +19,8 @@ Integers = NDArray[np.int64]
 class MeshTree:
     """The hierarchy of one mesh: its nodes and triangles, numbered from 0, and what was left out.
 
-    `box` (2, 3) is around all triangles, inside out without any. `levels` are those of `Tree`. `left_out` counts triangles
-    that no ray may hit.
+    `box` (2, 3) is around all triangles, inside out without any. `levels` are those of `Tree`. `left_out` counts
+    triangles that no ray may hit.
     """
 
     nodes: np.ndarray
@@ -91,9 +91,11 @@ def mesh_tree(
 ) -> MeshTree:
     """Return the hierarchy over the triangles of a mesh, (V, 3) positions and (3 T,) indices; `mesh` is its number.
 
-    Triangles with a corner that is not finite, or beyond 1e18, and those without area are left out: no ray may hit them. A
-    deforming mesh keeps them, since they may get an area: they lie at 0 in a leaf's list, whose box is without them. It also
-    has room for as many nodes as a rebuild may need (fast.py): those behind the tree's own have no children.
+    Triangles with a corner that is not finite, or beyond 1e18, and those without area are left out: no ray may hit
+    them.
+    A deforming mesh keeps them, since they may get an area: they lie at 0 in a leaf's list, whose box is without
+    them. It also has room for as many nodes as a rebuild may need (fast.py): those behind the tree's own have no
+    children.
     """
     corners = np.asarray(positions, np.float32)[np.asarray(indices).reshape(-1, 3)]
     sound = usable(corners)
@@ -145,7 +147,7 @@ def refit(nodes: np.ndarray, levels: list[int], triangles: np.ndarray | None = N
 
 
 def usable(corners: Floats) -> NDArray[np.bool_]:
-    """Return which triangles (T, 3, 3) are finite and have an area, in float64: the difference of floats is exact there."""
+    """Return which triangles (T, 3, 3) are finite and have an area, in float64."""
     exact = corners.astype(np.float64)
     finite = (np.abs(exact) <= 1e18).all(axis=(1, 2))
     exact[~finite] = 0.0
@@ -165,7 +167,7 @@ def world_boxes(world_from_object: NDArray[np.float64], boxes: Floats) -> Floats
 
 def inverses(world_from_object: NDArray[np.float64]) -> tuple[Floats, NDArray[np.bool_]]:
     """Return the rows of the records of matrices (I, 3, 4), and which of these have an inverse that is finite."""
-    finite = np.isfinite(world_from_object).all(axis=(1, 2))
+    finite = np.asarray(np.isfinite(world_from_object).all(axis=(1, 2)))
     linear = np.where(finite[:, None, None], world_from_object[:, :, :3], 0.0)
     sound = finite & (np.linalg.det(linear) != 0)
     rows = np.zeros((len(linear), 3, 4), np.float32)
@@ -185,8 +187,8 @@ def buffers(
 ) -> Buffers:
     """Return all buffers of a scene of instances, given by matrices (I, 3 or 4, 4), meshes (I,), masks, ids and flags.
 
-    The box of an instance that no ray can meet is inside out: its mask is 0, its mesh is empty, or its matrix is singular or
-    not finite. Raises ValueError for more than 2^24 instances or 2^29 triangles.
+    The box of an instance that no ray can meet is inside out: its mask is 0, its mesh is empty, or its matrix is
+    singular or not finite. Raises ValueError for more than 2^24 instances or 2^29 triangles.
     """
     matrices = np.asarray(world_from_object, np.float64)
     matrices = matrices.reshape(-1, matrices.shape[-2], 4)[:, :3]
@@ -225,7 +227,9 @@ def buffers(
     ]
     return Buffers(
         np.concatenate([*below, moved(top, int(roots[-1]), 0)]),
-        np.concatenate([*(mesh.triangles for mesh in meshes), np.zeros(int(firsts[-1] == 0), model.TRIANGLE)]),
+        np.concatenate(
+            [*(mesh.triangles for mesh in meshes), np.zeros(int(firsts[-1] == 0), model.TRIANGLE)]
+        ),
         np.concatenate([head.view(np.uint32), records.view(np.uint32)]),
         roots[:-1],
         firsts[:-1],
@@ -246,7 +250,8 @@ def check_sizes(instances: int, triangles: int) -> None:
 def refit_lists(meshes: Sequence[tuple[int, list[int]]]) -> list[NDArray[np.uint32]]:
     """Return lists of nodes to refit one after the other, deepest level first, of hierarchies (first node, levels).
 
-    Levels that are equally deep share a list: the longest path decides how many dispatches there are, not how many meshes.
+    Levels that are equally deep share a list: the longest path, not the number of meshes, says how many dispatches
+    follow.
     """
     depth = max((len(levels) - 1 for _, levels in meshes), default=0)
     return [

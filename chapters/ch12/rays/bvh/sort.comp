@@ -1,7 +1,7 @@
 // Sorts pairs by their first word, four bits at a time from the lowest on (radix sort). It is stable and has one result: an
 // invocation counts, and later places, a run of neighbours in their order, and no atomics take part.
 //
-// COUNT: the pairs of each digit in each run. SCAN: where the pairs of each digit and run begin. Without either: places.
+// COUNTS: the pairs of each digit in each run. SCAN: where the pairs of each digit and run begin. Without either: places.
 
 #ifdef SCAN
 layout(local_size_x = 256) in;
@@ -18,9 +18,9 @@ layout(BIND(0, 0, 0), std430) readonly buffer From_ { uvec2 from[]; };
 layout(BIND(0, 1, 1), std430) writeonly buffer To_ { uvec2 to[]; };
 layout(BIND(0, 2, 2), std430) buffer Counts_ { uint counts[]; };  // digit by digit, run by run
 
-const uint RUN = 32u, DIGITS = 16u;
+const uint RUN_LENGTH = 32u, DIGITS = 16u;
 
-uint runs() { return (push.run.x + RUN - 1u) / RUN; }
+uint runs() { return (push.run.x + RUN_LENGTH - 1u) / RUN_LENGTH; }
 
 #ifdef SCAN
 shared uint sums[256];
@@ -52,10 +52,10 @@ void main() {
     if (run >= runs()) {
         return;
     }
-    uint begin = run * RUN, end = min(begin + RUN, push.run.x);
+    uint begin = run * RUN_LENGTH, end = min(begin + RUN_LENGTH, push.run.x);
     uint places[DIGITS];
     for (uint digit = 0u; digit < DIGITS; ++digit) {
-#ifdef COUNT
+#ifdef COUNTS
         places[digit] = 0u;
 #else
         places[digit] = counts[digit * runs() + run];
@@ -64,12 +64,12 @@ void main() {
     for (uint at = begin; at < end; ++at) {
         uvec2 pair = from[at];
         uint digit = pair.x >> push.run.y & (DIGITS - 1u);
-#ifndef COUNT
+#ifndef COUNTS
         to[places[digit]] = pair;
 #endif
         ++places[digit];
     }
-#ifdef COUNT
+#ifdef COUNTS
     for (uint digit = 0u; digit < DIGITS; ++digit) {
         counts[digit * runs() + run] = places[digit];
     }

@@ -9,7 +9,26 @@
 #include "rays/ray.glsl"
 #include "rays/bvh/records.glsl"
 
-const uint BVH_PASSED = BVH_NO_CHILD - 1u;  // in the place of a code: a hit in front of that box was found since
+const uint BVH_PASSED = BVH_LEAF - 1u;  // in the place of a node's number: a hit in front of that box was found since
+
+// Takes up what was put off last. Where that is above the instance, the ray is in the world again; without any, the end.
+#define BVH_POP \
+    if (size == floor_) { \
+        floor_ = BVH_NO_CHILD; \
+        slabs = world_slabs; \
+    } \
+    if (size > 0u) { \
+        --size; \
+        code = begins[size] < hit.t ? stack[size] : BVH_PASSED; \
+    } else { \
+        code = BVH_NO_CHILD; \
+    }
+
+#ifdef STEPS
+#define BVH_STEP ++bvh_steps;
+#else
+#define BVH_STEP
+#endif
 
 #ifdef STEPS
 uint bvh_steps = 0u;  // nodes and leaves of the last trace
@@ -43,13 +62,14 @@ Hit bvh_traverse(Ray ray, uint mask, bool any) {
     bvh_steps = 0u;
 #endif
     while (going) {
-        bool pop = true;
-#ifdef STEPS
-        ++bvh_steps;
-#endif
-        if (code >= BVH_PASSED) {
-            // Nothing, or what is behind the hit. (A ray that is not a number may come to a child that is none.)
-        } else if ((code & BVH_LEAF) == 0u) {
+        // All lanes of a processor do the same at a time: first all find leaves, and then all look into theirs (Aila and
+        // Laine 2009, "Understanding the Efficiency of Ray Traversal on GPUs").
+        while ((code & BVH_LEAF) == 0u) {
+            BVH_STEP
+            if (code == BVH_PASSED) {
+                BVH_POP
+                continue;
+            }
             uint at = code * 4u;
             vec4 low0 = bvh_nodes[at], high0 = bvh_nodes[at + 1u], low1 = bvh_nodes[at + 2u], high1 = bvh_nodes[at + 3u];
             vec2 span0 = slab_interval(slabs, low0.xyz, high0.xyz, ray.t_min, hit.t);
@@ -58,12 +78,19 @@ Hit bvh_traverse(Ray ray, uint mask, bool any) {
             bool hit0 = span0.x <= span0.y, hit1 = span1.x <= span1.y;
             bool swap = hit1 && (!hit0 || span1.x < span0.x);
             code = swap ? child1 : child0;
-            pop = !(hit0 || hit1);
             if (hit0 && hit1) {
                 stack[size] = swap ? child0 : child1;
                 begins[size] = swap ? span0.x : span1.x;
                 ++size;
             }
+            if (!(hit0 || hit1)) {
+                BVH_POP
+            }
+        }
+        BVH_STEP
+        bool pop = true;
+        if (code == BVH_NO_CHILD) {  // the end; a ray of NaN may come to a child that is none, too
+            going = false;
         } else if (floor_ == BVH_NO_CHILD) {
             instance = code & ((1u << BVH_COUNT_SHIFT) - 1u);
             BvhInstance record = bvh_instances[instance];
@@ -71,7 +98,7 @@ Hit bvh_traverse(Ray ray, uint mask, bool any) {
                 vec3 away = ray.origin - vec3(record.rows[0].w, record.rows[1].w, record.rows[2].w);
                 mat3 rows = mat3(record.rows[0].xyz, record.rows[1].xyz, record.rows[2].xyz);
                 vec3 origin = away * rows, direction = ray.direction * rows;
-                slabs = bvh_slabs(record.what.x, origin, direction, 8.0);
+                slabs = bvh_slabs(record.what.x, origin, direction, 12.0);
                 sheared_ = sheared_ray(origin, direction);
                 code = record.what.x;
                 instance = record.what.z;
@@ -102,15 +129,7 @@ Hit bvh_traverse(Ray ray, uint mask, bool any) {
             going = !(any && hit.instance != NO_HIT);
         }
         if (pop && going) {
-            going = size > 0u;
-            if (size == floor_) {
-                floor_ = BVH_NO_CHILD;
-                slabs = world_slabs;
-            }
-            if (going) {
-                --size;
-                code = begins[size] < hit.t ? stack[size] : BVH_PASSED;
-            }
+            BVH_POP
         }
     }
     return hit;

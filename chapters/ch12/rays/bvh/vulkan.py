@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,42 +12,32 @@ from backends.vulkan import api as vk
 from backends.vulkan.resources import Buffer
 from backends.vulkan.upload import Uploader
 
-from ...frames.commands import SceneBinding
 from ...frames.frame import SLOTS
 from ...frames.vulkan_commands import Commands
 from ...pipelines.description import Built
 from ...pipelines.vulkan_descriptors import Held, Sets
-from ...scene.vulkan_data import PAGE, TEXTURES
+from ...visibility.vulkan import Bindings
 from ..passes import BUFFERS
 from .memory import INSTANCES, NODES, TRIANGLES, BvhMemory
 
-_STORED = (
-    vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT
-    | vk.VK_BUFFER_USAGE_TRANSFER_DST_BIT
-    | vk.VK_BUFFER_USAGE_TRANSFER_SRC_BIT
-)
+_COPIED = vk.VK_BUFFER_USAGE_TRANSFER_DST_BIT | vk.VK_BUFFER_USAGE_TRANSFER_SRC_BIT
+_STORED = vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | _COPIED
 
 
 class Memory(BvhMemory):
     """Buffers of the renderer's resources, which free them, and a descriptor set for each kernel, slot and page."""
 
+    surfaces = Bindings
     _sets: Sets | None = None
 
-    def bind_pass(
-        self, commands: Commands, pipeline: Built, scene: SceneBinding, page: Any, textures: Any
-    ) -> None:
-        """Bind a kernel, the scene, a page and a set of textures."""
-        commands.bind_compute(pipeline, scene)
-        commands.bind_compute_set(pipeline, PAGE, page[0])
-        if textures is not None:
-            commands.bind_compute_set(pipeline, TEXTURES, textures)
-
-    def _create(self, content: NDArray[np.uint8], name: str) -> Buffer:
-        resources = self._backend.resources
-        buffer: Buffer = resources.buffers.get(resources.buffer(content.nbytes, _STORED, "device", name))
+    def _create(self, content: Mapping[str, NDArray[np.uint8]]) -> dict[str, Buffer]:
+        buffers, resources = {}, self._backend.resources
         with Uploader(self._backend.device) as uploader:
-            uploader.buffer(buffer, content)
-        return buffer
+            for name, part in content.items():
+                handle = resources.buffer(part.nbytes, _STORED, "device", f"rays: {name}")
+                buffers[name] = resources.buffers.get(handle)
+                uploader.buffer(buffers[name], part)
+        return buffers
 
     def _replace(self, content: Mapping[str, NDArray[np.uint8]]) -> None:
         self._backend.device.wait_idle()
