@@ -32,7 +32,7 @@ TURN = rotation((0.3, 1.0, 0.2), 0.7)
 """Planes that lie along no axis: their points round in each component."""
 
 
-LONG = ("as it is", "far")
+LONG = ("as it is", "large", "far")
 
 
 @pytest.fixture(

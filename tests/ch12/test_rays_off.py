@@ -66,7 +66,7 @@ def test_a_way_that_the_device_lacks_is_refused_in_a_sentence(chapter):
     """On OpenGL as on Vulkan without the feature; `auto` takes what is left."""
     for way, feature in (("pipeline", "ray-tracing"), ("query", "ray-query")):
         with pytest.raises(
-            UserError, match=f"ray_way={way} needs {feature}, which .*: set ray_way=bvh, or auto"
+            UserError, match=rf"ray_way={way} needs {feature}, which .*: set ray_way=bvh, or auto"
         ):
             opened_without(chapter, {"ray-tracing", "ray-query"}, ray_way=way)
     with opened_without(chapter, {"ray-tracing", "ray-query"}) as renderer:
@@ -88,7 +88,7 @@ def test_several_pages_of_geometry_are_refused(chapter, monkeypatch):
     with opened(chapter, scene) as renderer:
         assert len(renderer._data.pages) > 1
         with pytest.raises(
-            UserError, match="scene has 2 pages of geometry on this backend, .*: set rays=off"
+            UserError, match=r"scene has 2 pages of geometry on this backend, .*: set rays=off"
         ):
             renderer.render(VIEW)
 

@@ -19,6 +19,7 @@ from tests.support.scenes import nodes_at, quad_scene, translated
 from tests.support.shadows import placed, point, yard
 from tests.support.traced_pictures import (
     SIZE,
+    few_ways,
     light,
     off_edges,
     opened,
@@ -102,7 +103,7 @@ def test_without_shadows_and_mirrors_it_is_the_rasterised_picture(chapter, view,
     drawn = picture(chapter, scene, view, **knobs, rays="off")
     inner = off_edges(drawn, 0.05 * drawn.max())
     assert inner.mean() > 0.5 and drawn[inner].std() > 0.05 * drawn.max()
-    for way in ways_of(chapter):
+    for way in few_ways(chapter):
         traced = picture(chapter, scene, view, **knobs, ray_way=way)
         assert np.abs(traced - drawn)[inner].max() <= RASTER * drawn.max(), way
         assert (np.abs(traced - drawn).max(axis=-1) > RASTER * drawn.max()).mean() < 0.02, way
@@ -141,7 +142,7 @@ def test_a_square_casts_the_shadow_of_its_outline(chapter):
     half = edge / 2 * height / (height - at)
     inside = np.maximum(np.abs(x), np.abs(z)) - half
     assert np.abs(inside).min() > 1e-3 and 200 < (inside < 0).sum() < 1500
-    for way in ways_of(chapter):
+    for way in few_ways(chapter):
         seen = picture(chapter, scene, view, (48, 48), ray_way=way)
         assert np.array_equal(seen.sum(axis=-1) == 0.0, inside < 0), way
         # Where it is lit, the light of a matte surface falls with the square of the distance and twice with the cosine.
@@ -150,7 +151,9 @@ def test_a_square_casts_the_shadow_of_its_outline(chapter):
 
 
 @pytest.mark.core
-@pytest.mark.parametrize("view", [PITCHED, FLAT], ids=["perspective", "orthographic"])
+@pytest.mark.parametrize(
+    "view", [PITCHED, pytest.param(FLAT, marks=pytest.mark.long)], ids=["perspective", "orthographic"]
+)
 def test_a_mirror_shows_the_mirrored_wall(chapter, view):
     """The floor shows the wall where the mirrored ray meets it, else the background; without such rays, nothing."""
     scene, place = mirror_and_wall(turn=0.4)
@@ -161,7 +164,7 @@ def test_a_mirror_shows_the_mirrored_wall(chapter, view):
     floor = ((truth.instance == 0) & (truth.margin > 1e-4)).reshape(SIZE[::-1])[pixels[:, 1], pixels[:, 0]]
     shows, misses = floor & (outside < -1e-3), floor & (outside > 1e-3)
     assert shows.sum() > 50 and misses.sum() > 50
-    for way in ways_of(chapter):
+    for way in few_ways(chapter):
         seen = picture(chapter, scene, view, ray_way=way, background=0.25)[pixels[:, 1], pixels[:, 0]]
         assert np.abs(seen[shows] - (0.5, 0.25, 0.75)).max() < 1e-6, way
         assert np.abs(seen[misses] - 0.25).max() < 1e-6, way
@@ -179,7 +182,9 @@ def shapes():
 
 @pytest.mark.core
 @pytest.mark.feature("ray-tracing/camera-rays")
-@pytest.mark.parametrize("view", [ACROSS, ALONG], ids=["perspective", "orthographic"])
+@pytest.mark.parametrize(
+    "view", [pytest.param(ACROSS, marks=pytest.mark.long), ALONG], ids=["perspective", "orthographic"]
+)
 def test_views_show_what_every_triangle_says(chapter, view):
     scene = shapes()
     with scene.edit() as edit:
@@ -195,7 +200,7 @@ def test_views_show_what_every_triangle_says(chapter, view):
         "instance": np.where(hit[:, None], id_color(np.maximum(truth.instance, 0)), 0.0),
         "barycentrics": np.where(hit[:, None], at, 0.0),
     }
-    for way in ways_of(chapter):
+    for way in few_ways(chapter):
         for name, value in wanted.items():
             seen = picture(chapter, scene, view, ray_way=way, ray_view=name).reshape(-1, 3)
             assert np.abs(seen - value)[sure].max() < (2e-5 if name == "distance" else 5e-4), (way, name)

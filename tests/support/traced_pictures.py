@@ -37,6 +37,12 @@ def ways_of(chapter: Any) -> list[str]:
     ]
 
 
+def few_ways(chapter: Any) -> list[str]:
+    """Return the first and the last of `ways_of`: a structure of the driver's and our own."""
+    ways = ways_of(chapter)
+    return list(dict.fromkeys((ways[0], ways[-1])))
+
+
 def opened(chapter: Any, scene: Scene, size: tuple[int, int] = SIZE, **turned: Any) -> Any:
     """Return a renderer of a scene with TRACED and other settings, and the output "color_linear"."""
     settings = chapters.settings_class(chapter.which)(**{**TRACED, **turned})
