@@ -33,6 +33,7 @@ pytestmark = pytest.mark.variants("vulkan", "gl")
 
 VIEW = View(pose_looking_at((3.0, 2.5, 4.0), (0.0, 0.4, 0.0)), Perspective(0.9, 0.05))
 LAMP = point((-1.2, 3.0, 0.8))
+LENSES = ("perspective", "orthographic")
 RASTER = 1e-3
 """What a traced and a rasterised picture may differ by, of the largest light."""
 
@@ -94,7 +95,7 @@ ALONG = View(pose_looking_at((0.5, 1.5, 6.0), (0.0, 0.3, 0.0)), Orthographic(3.0
 
 @pytest.mark.core
 @pytest.mark.feature("ray-tracing/camera-rays")
-@pytest.mark.parametrize("view", [ACROSS, ALONG], ids=["perspective", "orthographic"])
+@pytest.mark.parametrize("view", [ACROSS, ALONG], ids=LENSES)
 @pytest.mark.parametrize("around", [False, True], ids=["background", "environment"])
 def test_without_shadows_and_mirrors_it_is_the_rasterised_picture(chapter, view, around):
     """Positions come from barycentric coordinates here and from depth there: both are off by some units."""
@@ -151,9 +152,7 @@ def test_a_square_casts_the_shadow_of_its_outline(chapter):
 
 
 @pytest.mark.core
-@pytest.mark.parametrize(
-    "view", [PITCHED, pytest.param(FLAT, marks=pytest.mark.long)], ids=["perspective", "orthographic"]
-)
+@pytest.mark.parametrize("view", [PITCHED, pytest.param(FLAT, marks=pytest.mark.long)], ids=LENSES)
 def test_a_mirror_shows_the_mirrored_wall(chapter, view):
     """The floor shows the wall where the mirrored ray meets it, else the background; without such rays, nothing."""
     scene, place = mirror_and_wall(turn=0.4)
@@ -182,9 +181,7 @@ def shapes():
 
 @pytest.mark.core
 @pytest.mark.feature("ray-tracing/camera-rays")
-@pytest.mark.parametrize(
-    "view", [pytest.param(ACROSS, marks=pytest.mark.long), ALONG], ids=["perspective", "orthographic"]
-)
+@pytest.mark.parametrize("view", [pytest.param(ACROSS, marks=pytest.mark.long), ALONG], ids=LENSES)
 def test_views_show_what_every_triangle_says(chapter, view):
     scene = shapes()
     with scene.edit() as edit:
