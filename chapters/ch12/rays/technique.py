@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from backends.contract import FrameInfo, Pass, Technique
 from common.scene import Scene
 
+from ..cloth.passes import ClothPass
 from ..frames.backend.backend import Backend
 from ..scene.pass_parts import PassParts
 from ..settings import Settings
@@ -35,9 +36,11 @@ class RayTechnique(Technique):
         way = picture.chosen_way(parts.settings, backend.plan)
         package = f"{__package__}.bvh" if way == picture.BVH else __package__
         self._structures = structures = backend.part(package).open_structures(backend, parts)
-        cloth = bool(passes["cloth"].externals)
-        if cloth:
-            passes["cloth"].frames.everywhere = True
+        hanging = passes["cloth"]
+        assert isinstance(hanging, ClothPass)
+        cloth = hanging.frames is not None
+        if hanging.frames is not None:
+            hanging.frames.everywhere = True
         for gpu_pass in (build, trace):
             gpu_pass.structures = structures
             gpu_pass.follow(way, structures.sizes, cloth)
@@ -49,7 +52,7 @@ class RayTechnique(Technique):
         cloth = any(gpu_pass.name == "cloth" and not gpu_pass.resting for gpu_pass in frame.passes)
         written = self._structures.prepare(frame.slot, frame.pose, cloth)
         self._trace.tiles = self._follow_time(frame)
-        self.work = self._structures.work | {"ray_tiles": self._trace.tiles}
+        self.work = {**self._structures.work, "ray_tiles": self._trace.tiles}
         return written
 
     def _follow_time(self, frame: FrameInfo) -> int:
