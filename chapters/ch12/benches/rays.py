@@ -62,7 +62,7 @@ MOST_TIMES = 64
 
 REFIT_SCENE = "sphere"
 
-AGREEMENT = ("edges", "equal", "ties", "differ", "t_error", "t_within")
+AGREEMENT = ("edges", "equal", "ties", "differ", "t_error", "t_within", "t_of_size")
 """Figures of `rays_scenes.agreement` that a row has; None without Embree, and for Embree itself."""
 
 Step = Callable[[str, float], None]
@@ -172,6 +172,8 @@ class _Scene:
             number: gpu.buffer(part.view(np.uint32), "our BVH")
             for number, part in enumerate((self._buffers.nodes, self._buffers.triangles, self._buffers.instances))
         }
+        low, high = self._geometry.box()
+        size = float(np.linalg.norm(high - low))
         for number, (kind, make) in enumerate(KINDS.items()):
             rays = make(self._geometry, count)
             jobs, hits = gpu.buffer(rays, "rays"), gpu.buffer(np.zeros((len(rays), 8), np.uint32), "hits")
@@ -197,7 +199,7 @@ class _Scene:
                 row["hits"] = float(answers[way].hit.mean())
                 truth = answers.get(EMBREE)
                 known = truth is not None and way != EMBREE
-                agree = scenes.agreement(answers[way], truth) if known and truth is not None else {}
+                agree = scenes.agreement(answers[way], truth, size) if known and truth is not None else {}
                 row |= {name: agree.get(name) for name in AGREEMENT}
                 found.append(row)
         return found
@@ -211,14 +213,14 @@ class _Scene:
         works = _Bends(self._gpu, indices, positions)
         for what, calls in works.calls().items():
             self._gpu.seconds(calls)  # drivers compile at the first dispatch
-            times = [self._gpu.seconds(calls) - self._empty_s for _ in range(max(self._rounds, 3))]
+            times = [max(self._gpu.seconds(calls) - self._empty_s, 0.0) for _ in range(max(self._rounds, 3))]
             rows.append(self._named(BVH, what=what, dispatches=len(calls), **_timed([1e3 * it for it in times])))
         if self._gpu.ways:
             built = self._make_driver(self._gpu, self._geometry, refits=True)
             try:
                 for what, run in (("refit", built.refit_seconds), ("upper level", built.top_seconds)):
                     run()
-                    times = [run() - self._empty_s for _ in range(max(self._rounds, 3))]
+                    times = [max(run() - self._empty_s, 0.0) for _ in range(max(self._rounds, 3))]
                     rows.append(self._named("driver", what=what, dispatches=0, **_timed([1e3 * it for it in times])))
             finally:
                 built.close()
