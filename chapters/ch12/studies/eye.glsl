@@ -14,8 +14,6 @@ struct Pixel {
 };
 layout(BIND(0, 1, 1), std430) writeonly buffer Pixels_ { Pixel pixels[]; };
 
-layout(BIND(0, 2, 2), std430) buffer Counts_ { uint counts[]; };  // zero when the frame begins
-
 bool in_picture(uvec2 pixel) { return all(lessThan(pixel, eye.size.xy)); }
 
 CameraRay ray_of(uvec2 pixel) {

@@ -1,5 +1,6 @@
 // Where a ray meets a sphere.
 
+layout(BIND(0, 2, 2), std430) buffer Counts_ { uint counts[]; };  // zero when the frame begins
 layout(BIND(0, 3, 3), std430) readonly buffer Spheres_ { vec4 spheres[]; };  // centre and radius
 
 const uint OUTSIDE = 0u, INSIDE = 1u;  // kinds of hits: from where the ray comes
