@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 
@@ -11,6 +9,7 @@ import chapters
 from chapters.ch12.studies.any_hit_alpha import FLOOR, GROUND, LEAVES, TEXELS, Settings, cards, mask, mask_words, meshes
 from common.errors import SettingError
 from common.settings import apply_overrides
+from tests.support.pixel_rays import pixel_rays
 
 pytestmark = pytest.mark.feature("ray-tracing/any-hit-and-intersection")
 WHICH, SIZE = "12/any-hit-alpha", (64, 48)
@@ -34,14 +33,6 @@ def drawn(stage, without=(), size=SIZE, **knobs):
         view = chapters.view_of(renderer)
         frame = renderer.render(view)
         return renderer.pixels(), frame.image("color"), frame.work, view
-
-
-def rays(view, size=SIZE):
-    """Return the eye and unit directions (N, 3) through the middles of pixels, row 0 on top, in float64."""
-    y, x = np.mgrid[: size[1], : size[0]].reshape(2, -1) + 0.5
-    slope = math.tan(view.projection.yfov / 2)
-    seen = np.stack([(2 * x / size[0] - 1) * slope * size[0] / size[1], (1 - 2 * y / size[1]) * slope, -np.ones_like(x)])
-    return view.world_from_view[:3, 3], (view.world_from_view[:3, :3] @ (seen / np.linalg.norm(seen, axis=0))).T
 
 
 def meet(origins, along, whole=False):
@@ -92,7 +83,7 @@ def surfaces(found):
 def test_exactly_the_transparent_texels_are_removed(stage, without, whole):
     """With cards flagged opaque nothing is: rays stop at holes."""
     found, _, work, view = drawn(stage, without, opaque=whole)
-    eye, along = rays(view)
+    eye, along = pixel_rays(view, SIZE)
     t, surface, triangle, sure = meet(np.broadcast_to(eye, along.shape), along, whole)
     got = surfaces(found)
     assert sure.mean() > 0.85 and ((surface >= 0) & sure).sum() > 150
@@ -109,7 +100,7 @@ def test_exactly_the_transparent_texels_are_removed(stage, without, whole):
 def test_shadows_have_the_holes_of_the_leaves(stage, without):
     """Rays from the ground to the light, from the exact place on it."""
     found, _, _, view = drawn(stage, without)
-    eye, along = rays(view)
+    eye, along = pixel_rays(view, SIZE)
     t, surface, _, sure = meet(np.broadcast_to(eye, along.shape), along)
     ground = np.flatnonzero(sure & (surface == -2))
     places = eye + t[ground, None] * along[ground]

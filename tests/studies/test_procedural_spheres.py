@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 
@@ -14,6 +12,7 @@ from common.numerics.transforms import pose_looking_at
 from common.settings import apply_overrides
 from common.view.camera import Perspective, View
 from tests.support.bounds import codes_off
+from tests.support.pixel_rays import pixel_rays
 
 pytestmark = pytest.mark.feature("ray-tracing/any-hit-and-intersection")
 WHICH, SIZE = "12/procedural-spheres", (64, 48)
@@ -36,21 +35,12 @@ def drawn(stage, without=(), view=None, size=SIZE, **knobs):
         return renderer.pixels(), frame.image("color"), frame.work, view
 
 
-def rays(view, size=SIZE):
-    """Return the eye and unit directions (N, 3) through the middles of pixels, row 0 on top, in float64."""
-    y, x = np.mgrid[: size[1], : size[0]].reshape(2, -1) + 0.5
-    slope = math.tan(view.projection.yfov / 2)
-    seen = np.stack([(2 * x / size[0] - 1) * slope * size[0] / size[1], (1 - 2 * y / size[1]) * slope, -np.ones_like(x)])
-    along = view.world_from_view[:3, :3] @ (seen / np.linalg.norm(seen, axis=0))
-    return view.world_from_view[:3, 3], along.T
-
-
 def truth(view, settings, size=SIZE):
     """Return t, the nearest sphere and how sure it is (N,): no rim and no other sphere as near, in float64.
 
     A ray meets a sphere where the distance to its centre is the radius, by Pythagoras in the plane of ray and centre.
     """
-    eye, along = rays(view, size)
+    eye, along = pixel_rays(view, size)
     places = spheres(settings).astype(np.float64)
     to = places[:, :3] - eye
     ahead = along @ to.T
@@ -83,7 +73,7 @@ def test_hits_are_those_of_the_closed_form(stage, without):
 def test_the_shader_of_boxes_runs_where_boxes_are_met(stage, without):
     """A kernel asks all spheres; a structure those in boxes on the way, of which there are no more than all boxes met."""
     found, _, work, view = drawn(stage, without)
-    eye, along = rays(view)
+    eye, along = pixel_rays(view, SIZE)
     box = boxes(spheres(Settings())).astype(np.float64).reshape(-1, 2, 3)
     with np.errstate(divide="ignore"):
         ends = (box[None] - eye) / along[:, None, None]
@@ -100,7 +90,7 @@ def test_the_shader_of_boxes_runs_where_boxes_are_met(stage, without):
 def test_the_picture_is_the_light_of_the_closed_form(stage, without):
     found, picture, _, view = drawn(stage, without)
     t, sphere, sure = truth(view, Settings())
-    eye, along = rays(view)
+    eye, along = pixel_rays(view, SIZE)
     ground = sure & (sphere == 0) & np.isfinite(t)
     normals = (eye + t[ground, None] * along[ground] + (0, GROUND, 0)) / GROUND
     light = 0.45 * (0.15 + 0.85 * np.maximum(normals @ SHADED, 0))

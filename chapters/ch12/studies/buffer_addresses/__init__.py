@@ -92,7 +92,9 @@ def _sphere(random: np.random.Generator, segments: int, rings: int, middle: NDAr
     corner = v[: -segments - 1] * (segments + 1) + u[: -segments - 1]
     a = corner[u[: -segments - 1] < segments]
     b, c, d = a + 1, a + segments + 1, a + segments + 2
-    indices = np.concatenate([np.stack([a, c, b], axis=1), np.stack([b, c, d], axis=1)])
+    row = a // (segments + 1)  # at the poles one of two triangles has no area
+    upper, lower = row > 0, row < rings - 1
+    indices = np.concatenate([np.stack([a, c, b], axis=1)[upper], np.stack([b, c, d], axis=1)[lower]])
     turned = random.permutation(len(v))
     place = np.argsort(turned)  # where each vertex has gone
     colors = random.integers(0, 256, (2, 3)) / 255

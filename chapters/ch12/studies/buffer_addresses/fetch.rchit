@@ -6,6 +6,7 @@
 
 #include "addresses.glsl"
 #include "payload.glsl"
+#include "palette.glsl"
 
 struct Entry {
     uvec2 indices, positions, attributes, spare;
@@ -39,9 +40,9 @@ void main() {
         color += weights[corner] * unpackUnorm4x8(word_at(entry.attributes, 4u * vertex + 3u)).rgb;
         // All bits that were read, so that a test can tell one wrong bit.
         uvec3 bits = floatBitsToUint(place);
-        sum = (sum ^ bits.x) * 747796405u;
-        sum = (sum ^ bits.y) * 747796405u;
-        sum = (sum ^ bits.z) * 747796405u;
+        sum = scrambled(sum ^ bits.x);
+        sum = scrambled(sum ^ bits.y);
+        sum = scrambled(sum ^ bits.z);
     }
     float light = 0.2 + 0.8 * max(dot(normalize(normal), TO_LIGHT), 0.0);
     // The place by its vertices and the place on the ray are one, if these are the vertices that were hit.
