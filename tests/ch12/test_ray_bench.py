@@ -31,7 +31,13 @@ def measured(request, backend, patch):
     """Return what a reader of the JSON gets of a quick look at few rays."""
     device = request.getfixturevalue("vulkan_device" if backend == "vulkan" else "gl_context")
     told = []
-    small = {"QUICK_RAYS": RAYS, "QUICK_SCENES": SCENES[:1], "QUICK_SPHERE": SPHERE, "LEAST_ROUNDS": 1, "MOST_TIMES": 1}
+    small = {
+        "QUICK_RAYS": RAYS,
+        "QUICK_SCENES": SCENES[:1],
+        "QUICK_SPHERE": SPHERE,
+        "LEAST_ROUNDS": 1,
+        "MOST_TIMES": 1,
+    }
     for name, value in small.items():
         patch.setattr(rays, name, value)
     subject = Subject(12, backend, nothing("bench"), (48, 32), device)
@@ -124,7 +130,9 @@ def test_a_plot_has_bars_for_each_way(record):
 
 def test_speeds_are_given_beside_those_of_others():
     row = {"scene": "s", "rays": "camera", "count": 10, "equal": None}
-    rows = [{**row, "way": way, "mrays": speed} for way, speed in (("bvh", 2.0), ("query", 1.0), ("embree", 8.0))]
+    rows = [
+        {**row, "way": way, "mrays": speed} for way, speed in (("bvh", 2.0), ("query", 1.0), ("embree", 8.0))
+    ]
     made = {"missing": [], "software": True, "rows": rows, "builds": [], "refits": []}
     assert "2.00x of query, 0.25x of embree" in " ".join(rays_results.sentences(made))
 
@@ -187,7 +195,8 @@ TRUTH = hits((0, 1, 1.0, 0.3, 0.3), (0, 2, 2.0, 0.3, 0.3), (1, 0, 4.0, 0.5, 0.5)
 def test_agreement_of_equal_hits():
     found = rays_scenes.agreement(TRUTH, TRUTH)
     assert found == {
-        "hits": 0.75, "edges": 0.25, "equal": 1.0, "ties": 0, "differ": 0, "t_error": 0.0, "t_within": 1.0, "t_of_size": 0.0
+        "hits": 0.75, "edges": 0.25, "equal": 1.0, "ties": 0, "differ": 0,
+        "t_error": 0.0, "t_within": 1.0, "t_of_size": 0.0,
     }  # fmt: skip
 
 

@@ -6,7 +6,17 @@ import numpy as np
 import pytest
 
 import chapters
-from chapters.ch12.studies.any_hit_alpha import FLOOR, GROUND, LEAVES, TEXELS, Settings, cards, mask, mask_words, meshes
+from chapters.ch12.studies.any_hit_alpha import (
+    FLOOR,
+    GROUND,
+    LEAVES,
+    TEXELS,
+    Settings,
+    cards,
+    mask,
+    mask_words,
+    meshes,
+)
 from common.errors import SettingError
 from common.settings import apply_overrides
 from tests.support.pixel_rays import pixel_rays
@@ -75,7 +85,10 @@ def meet(origins, along, whole=False):
 
 def surfaces(found):
     """Return the same numbers of surfaces from what the shaders wrote."""
-    instance, primitive = found["what"][..., 0].ravel().astype(np.int64), found["what"][..., 1].ravel().astype(np.int64)
+    instance, primitive = (
+        found["what"][..., 0].ravel().astype(np.int64),
+        found["what"][..., 1].ravel().astype(np.int64),
+    )
     return np.where(instance == NONE, -1, np.where(instance == FLOOR, -2, primitive // 2))
 
 
@@ -114,7 +127,7 @@ def test_shadows_have_the_holes_of_the_leaves(stage, without):
 
 
 def test_the_shader_runs_only_for_what_is_not_opaque(stage, without):
-    """No ray that meets no card asks, and a flag stops all questions. Every ignored candidate is a hole on some ray's way."""
+    """A ray that meets no card does not ask, and a flag stops all questions."""
     asked, opaque = drawn(stage, without)[2], drawn(stage, without, opaque=True)[2]
     assert (opaque["asked"], opaque["ignored"]) == (0, 0) and asked["asked"] > asked["ignored"] > 0
     alone, _, work, _ = drawn(stage, without, leaves=1)
@@ -148,7 +161,10 @@ def test_cards_are_squares_and_their_triangles_share_the_diagonal():
     assert np.abs(lengths / lengths[:, :1] - 1).max() < 1e-5
     assert np.abs((edges[:, 0] * edges[:, 1]).sum(axis=1) / lengths[:, 0] ** 2).max() < 1e-5
     (positions, indices), floor = meshes(Settings(leaves=FEW))
-    assert (positions[indices.reshape(-1, 6)[:, [0, 2, 3, 4]]] == positions[indices.reshape(-1, 6)[:, [0, 2, 0, 2]]]).all()
+    assert (
+        positions[indices.reshape(-1, 6)[:, [0, 2, 3, 4]]]
+        == positions[indices.reshape(-1, 6)[:, [0, 2, 0, 2]]]
+    ).all()
     assert len(indices) == 2 * FEW and floor[0][:, 1].tolist() == [0.0] * 4
 
 

@@ -1,4 +1,4 @@
-"""The study buffer-addresses: the bits that hit shaders fetch, sums of addresses, and hits against triangles in float64."""
+"""The study buffer-addresses: the bits that a hit fetches, sums of addresses, and triangles in float64."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def traced(stage):
 
 
 def sums(corners):
-    """Return the sum over the bits of positions (N, 3, 3): nine times PCG (Jarzynski and Olano 2020), in whole numbers."""
+    """Return the sum over the bits of positions (N, 3, 3): nine times PCG (Jarzynski and Olano 2020)."""
     total, mask = np.zeros(len(corners), np.uint64), np.uint64(0xFFFFFFFF)
     for bits in np.ascontiguousarray(corners, np.float32).view(np.uint32).reshape(len(corners), 9).T:
         state = ((total ^ bits) * np.uint64(747796405) + np.uint64(2891336453)) & mask
@@ -52,10 +52,14 @@ def test_every_hit_fetches_the_bits_of_its_three_vertices(stage, traced):
     made = meshes(Settings())
     hit = found[:, 0] != NONE
     assert hit.sum() > 500 and set(found[hit, 0].tolist()) == set(range(12))
-    corners = np.stack([made[mesh].positions[made[mesh].indices[triangle]] for mesh, triangle in found[hit, :2]])
+    corners = np.stack(
+        [made[mesh].positions[made[mesh].indices[triangle]] for mesh, triangle in found[hit, :2]]
+    )
     assert (sums(corners) == found[hit, 2]).all()
     assert (sums(corners[:, [1, 0, 2]]) != found[hit, 2]).all()
-    next_ = np.stack([made[m].positions[(made[m].indices[t] + 1) % len(made[m].positions)] for m, t in found[hit, :2]])
+    next_ = np.stack(
+        [made[m].positions[(made[m].indices[t] + 1) % len(made[m].positions)] for m, t in found[hit, :2]]
+    )
     assert (sums(next_) != found[hit, 2]).all()
 
 
@@ -100,7 +104,8 @@ def test_addresses_are_sums_of_64_bits_for_any_base_and_word(stage):
     word = random.integers(0, 2**32, 500, dtype=np.uint32)
     base[:3], word[:3] = (0xFFFFFFFC, 0x1_0000_0000, 2**33 - 4), (1, 0, 0xFFFFFFFF)
     got = evaluate(
-        stage.device, [FILE], "sum = address_of(base, word);", {"base": base.view(np.uint32).reshape(-1, 2), "word": word},
+        stage.device, [FILE], "sum = address_of(base, word);",
+        {"base": base.view(np.uint32).reshape(-1, 2), "word": word},
         {"sum": "uvec2"},
     )["sum"]  # fmt: skip
     expected = [int(address) + 4 * int(number) for address, number in zip(base, word, strict=True)]
@@ -124,7 +129,9 @@ def test_the_table_leads_to_each_part_behind_its_gap(stage, traced):
 
 
 def test_without_ray_tracing_a_sentence_says_so(stage):
-    with pytest.raises(UnsupportedError, match=r"buffer-addresses needs ray-tracing, but .* --without") as found:
+    with pytest.raises(
+        UnsupportedError, match=r"buffer-addresses needs ray-tracing, but .* --without"
+    ) as found:
         stage.open(WHICH, SIZE, without=["ray-tracing"])
     assert "\n" not in str(found.value)
 

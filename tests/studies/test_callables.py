@@ -1,4 +1,4 @@
-"""The study callables: blocks and their materials against slabs in float64; callables, inline code and libraries alike."""
+"""The study callables: blocks and materials against slabs in float64, and one picture on every way."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def looked_up(view):
 
 
 def colors_of(material, axis, place):
-    """Return the colour (N, 3) of places by materials, and how far (N,) the nearest edge of a pattern is, in its units."""
+    """Return the colour (N, 3) of places by materials, and how far (N,) the nearest edge of a pattern is."""
     flat = np.stack([
         np.choose(axis, [place[:, 2], place[:, 0], place[:, 0]]),
         np.choose(axis, [place[:, 1], place[:, 2], place[:, 1]]),
@@ -68,18 +68,29 @@ def colors_of(material, axis, place):
         return np.abs(x - np.round(x))
 
     cell = flat * 8
-    checks = pick(np.floor(cell).sum(axis=1) % 2 < 0.5, (0.75, 0.72, 0.65), (0.12, 0.13, 0.16)), edge(cell).min(axis=1)
+    checks = (
+        pick(np.floor(cell).sum(axis=1) % 2 < 0.5, (0.75, 0.72, 0.65), (0.12, 0.13, 0.16)),
+        edge(cell).min(axis=1),
+    )
     whole = flat * 2.5
     ring = np.linalg.norm(whole % 1 - 0.5, axis=1) * 5
-    rings = pick(ring % 1 < 0.5, (0.65, 0.12, 0.08), (0.85, 0.75, 0.55)), np.minimum(edge(2 * ring), edge(whole).min(axis=1))
+    rings = (
+        pick(ring % 1 < 0.5, (0.65, 0.12, 0.08), (0.85, 0.75, 0.55)),
+        np.minimum(edge(2 * ring), edge(whole).min(axis=1)),
+    )
     wave = np.abs(2 * (place.sum(axis=1) * 5 % 1) - 1)[:, None]
     stripes = (1 - wave) * (0.05, 0.2, 0.45) + wave * (0.3, 0.65, 0.8), np.ones(len(place))
     dots = flat * 9
     spot = ((dots % 1 - 0.5) ** 2).sum(axis=1)
-    spots = pick(spot < 0.09, (0.95, 0.8, 0.1), (0.1, 0.35, 0.12)), np.minimum(np.abs(spot - 0.09), edge(dots).min(axis=1))
+    spots = (
+        pick(spot < 0.09, (0.95, 0.8, 0.1), (0.1, 0.35, 0.12)),
+        np.minimum(np.abs(spot - 0.09), edge(dots).min(axis=1)),
+    )
     every = (checks, rings, stripes, spots)
     rows = np.arange(len(place))
-    return np.stack([one for one, _ in every])[material, rows], np.stack([far for _, far in every])[material, rows]
+    return np.stack([one for one, _ in every])[material, rows], np.stack([far for _, far in every])[
+        material, rows
+    ]
 
 
 @pytest.mark.parametrize("first", [0, 1])

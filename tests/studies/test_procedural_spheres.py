@@ -71,7 +71,7 @@ def test_hits_are_those_of_the_closed_form(stage, without):
 
 
 def test_the_shader_of_boxes_runs_where_boxes_are_met(stage, without):
-    """A kernel asks all spheres; a structure those in boxes on the way, of which there are no more than all boxes met."""
+    """A kernel asks all spheres; a structure those in boxes on the way, at most all of the boxes that are met."""
     found, _, work, view = drawn(stage, without)
     eye, along = pixel_rays(view, SIZE)
     box = boxes(spheres(Settings())).astype(np.float64).reshape(-1, 2, 3)
@@ -88,7 +88,7 @@ def test_the_shader_of_boxes_runs_where_boxes_are_met(stage, without):
 
 
 def test_the_picture_is_the_light_of_the_closed_form(stage, without):
-    found, picture, _, view = drawn(stage, without)
+    _, picture, _, view = drawn(stage, without)
     t, sphere, sure = truth(view, Settings())
     eye, along = pixel_rays(view, SIZE)
     ground = sure & (sphere == 0) & np.isfinite(t)
@@ -124,7 +124,9 @@ def far(stage, without, discriminant):
     view = View(pose_looking_at((0.0, 1500.0, 3700.0), (0.0, 0.0, 0.0)), Perspective(yfov=6 / 4000))
     found, *_ = drawn(stage, without, view, discriminant=discriminant)
     t, sphere, sure = truth(view, Settings())
-    same = (found["what"][..., 0].ravel() == sphere) & ((found["color"][..., 3].ravel() >= 0) == np.isfinite(t))
+    same = (found["what"][..., 0].ravel() == sphere) & (
+        (found["color"][..., 3].ravel() >= 0) == np.isfinite(t)
+    )
     small = sure & (sphere > 0)
     assert small.sum() > 100
     return 1 - same[small].mean()
@@ -140,7 +142,9 @@ def test_boxes_hold_their_spheres():
     places = spheres(Settings(spheres=500))
     box = boxes(places).astype(np.float64)
     exact = places.astype(np.float64)
-    assert (box[:, :3] <= exact[:, :3] - exact[:, 3:]).all() and (box[:, 3:] >= exact[:, :3] + exact[:, 3:]).all()
+    assert (box[:, :3] <= exact[:, :3] - exact[:, 3:]).all() and (
+        box[:, 3:] >= exact[:, :3] + exact[:, 3:]
+    ).all()
     assert np.abs((box[:, 3:] - box[:, :3]) / (2 * exact[:, 3:]) - 1).max() < 1e-5
     on = np.linalg.norm(exact[1:, :3] + (0, GROUND, 0), axis=1) - GROUND
     assert np.abs(on / exact[1:, 3] - 1).max() < 1e-3

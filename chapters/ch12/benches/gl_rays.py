@@ -12,7 +12,14 @@ from numpy.typing import NDArray
 
 from backends.gl import api as gl
 from backends.gl.context import Context
-from backends.gl.resources import Buffer, bind_buffer, create_buffer, destroy_buffer, read_buffer, write_buffer
+from backends.gl.resources import (
+    Buffer,
+    bind_buffer,
+    create_buffer,
+    destroy_buffer,
+    read_buffer,
+    write_buffer,
+)
 
 from ..frames.gl_commands import Commands
 from ..pipelines.description import Built, Described
@@ -54,7 +61,7 @@ class Gpu:
         return dict(held)
 
     def seconds(self, calls: Sequence[tuple[Built, Any, int, Sequence[int]]], times: int = 1) -> float:
-        """Run calls, each (kernel, bound, invocations, push), one after the other; return the seconds of all, waited for.
+        """Run calls (kernel, bound, invocations, push), one after the other; return the seconds of all, waited for.
 
         With `times` they run so often, and the seconds are those of once.
         """

@@ -1,4 +1,4 @@
-"""Rays a second of the three ways and of Embree, how their hits agree, and what builds cost: `strata bench 12 --only rays`.
+"""Rays a second of the three ways and of Embree, and what builds cost: `strata bench 12 --only rays`.
 
 The ways are those of the setting `ray_way`: a ray-tracing pipeline and ray queries over the structures of the driver,
 and our BVH in compute, which OpenGL has, too. All trace the same rays: those of a camera, whose neighbours go the same
@@ -6,15 +6,14 @@ way, and rays chosen by lot, which do not. Embree (package embreex, of the extra
 the processor; without the package there is neither its speed nor the agreement.
 
 Times are those of the clock, around submissions that are waited for, less that of an empty one: a software driver's
-timestamps do not wait for its work. Each way first traces some rays that are not timed; then all ways take turns. A submission is cut
-so that it takes a quarter of a second at most.
+timestamps do not wait for its work. Each way first traces some rays that are not timed; then all ways take turns. A
+submission is cut so that it takes a quarter of a second at most.
 """
 
 from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Sequence
-from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -79,8 +78,8 @@ def measure(subject: Subject, effort: Effort, step: Step) -> dict[str, Any] | No
         return None
     software, missing = is_software(subject), []
     count = (SLOW_RAYS if software else RAYS) if effort.everything else QUICK_RAYS
-    gpu = import_module(f"{__package__}.{subject.backend}_rays").Gpu(subject.device)
-    driver = import_module(f"{__package__}.{subject.backend}_rays").Driver
+    opened, driver = _parts(subject.backend)
+    gpu = opened(subject.device)
     if not gpu.ways:
         missing.append("pipeline and query, which this device does not have")
     record: dict[str, Any] = {"rows": [], "builds": [], "refits": []}
@@ -89,7 +88,9 @@ def measure(subject: Subject, effort: Effort, step: Step) -> dict[str, Any] | No
         for place, name in enumerate((*names, REFIT_SCENE)):
             begun, part = 0.9 * place / (1 + len(names)), 0.9 / (1 + len(names))
 
-            def within(what: str, done: float, name: str = name, begun: float = begun, part: float = part) -> None:
+            def within(
+                what: str, done: float, name: str = name, begun: float = begun, part: float = part
+            ) -> None:
                 step(f"{name}, {what}", begun + done * part)
 
             size = SPHERE if effort.everything else QUICK_SPHERE
@@ -108,6 +109,17 @@ def measure(subject: Subject, effort: Effort, step: Step) -> dict[str, Any] | No
     if not any(row["way"] == EMBREE for row in record["rows"]):
         missing.append("embree, since the package embreex is not installed (extra: reference)")
     return {"software": software, "backend": subject.backend, "missing": missing, **record}
+
+
+def _parts(backend: str) -> tuple[Any, Any]:
+    """Return the classes that run kernels on a graphics API and that hold the driver's structures."""
+    if backend == "vulkan":
+        from . import vulkan_rays
+
+        return vulkan_rays.Gpu, vulkan_rays.Driver
+    from . import gl_rays
+
+    return gl_rays.Gpu, gl_rays.Driver
 
 
 class _Scene:
@@ -147,7 +159,9 @@ class _Scene:
             except ImportError:
                 continue
             times.setdefault(EMBREE, []).append(self._embree.build_ms)
-        size = sum(it.nbytes for it in (self._buffers.nodes, self._buffers.triangles, self._buffers.instances))
+        size = sum(
+            it.nbytes for it in (self._buffers.nodes, self._buffers.triangles, self._buffers.instances)
+        )
         sizes = {BVH: size, "driver": self._driver.bytes if self._driver else None}
         return [
             {
@@ -170,7 +184,9 @@ class _Scene:
         gpu, found = self._gpu, []
         held = {
             number: gpu.buffer(part.view(np.uint32), "our BVH")
-            for number, part in enumerate((self._buffers.nodes, self._buffers.triangles, self._buffers.instances))
+            for number, part in enumerate(
+                (self._buffers.nodes, self._buffers.triangles, self._buffers.instances)
+            )
         }
         low, high = self._geometry.box()
         size = float(np.linalg.norm(high - low))
@@ -182,7 +198,9 @@ class _Scene:
                 step(f"{kind} rays, {way}", 0.3 + 0.35 * number)
                 own = held if way == BVH else {0: self._driver.world, 1: self._driver.orders}
                 kernel = gpu.kernel(description(way))
-                runs[way] = _Run(gpu, kernel, gpu.bound(kernel, {**own, 3: jobs, 4: hits}), len(rays), self._empty_s)
+                runs[way] = _Run(
+                    gpu, kernel, gpu.bound(kernel, {**own, 3: jobs, 4: hits}), len(rays), self._empty_s
+                )
             times: dict[str, list[float]] = {way: [] for way in runs}
             answers: dict[str, Hits] = {}
             for _ in range(self._rounds):
@@ -214,14 +232,18 @@ class _Scene:
         for what, calls in works.calls().items():
             self._gpu.seconds(calls)  # drivers compile at the first dispatch
             times = [max(self._gpu.seconds(calls) - self._empty_s, 0.0) for _ in range(max(self._rounds, 3))]
-            rows.append(self._named(BVH, what=what, dispatches=len(calls), **_timed([1e3 * it for it in times])))
+            rows.append(
+                self._named(BVH, what=what, dispatches=len(calls), **_timed([1e3 * it for it in times]))
+            )
         if self._gpu.ways:
             built = self._make_driver(self._gpu, self._geometry, refits=True)
             try:
                 for what, run in (("refit", built.refit_seconds), ("upper level", built.top_seconds)):
                     run()
                     times = [max(run() - self._empty_s, 0.0) for _ in range(max(self._rounds, 3))]
-                    rows.append(self._named("driver", what=what, dispatches=0, **_timed([1e3 * it for it in times])))
+                    rows.append(
+                        self._named("driver", what=what, dispatches=0, **_timed([1e3 * it for it in times]))
+                    )
             finally:
                 built.close()
         return rows
@@ -234,7 +256,11 @@ def _timed(values: Sequence[float]) -> dict[str, float]:
 
 def description(way: str) -> Described:
     """Return the pipeline by which a way traces the rays of the bench."""
-    defines = (*(it for it in DEFINES[way] if not it[0].startswith("RAYS_S")), ("RAYS_SET", 0), ("RAYS_SLOT", 0))
+    defines = (
+        *(it for it in DEFINES[way] if not it[0].startswith("RAYS_S")),
+        ("RAYS_SET", 0),
+        ("RAYS_SLOT", 0),
+    )
     if way == PIPELINE:
         # Its groups say themselves that they are of a pipeline.
         defines = tuple(it for it in defines if it[0] != "RAYS_PIPELINE")

@@ -20,7 +20,20 @@ def show(record: dict[str, Any], to: Console) -> None:
     """Print a table of rays, one of builds and refits, and the results as sentences."""
     shown = table(
         "Rays: millions a second by the clock, x times Embree's, hits against Embree's off edges",
-        *("scene", "rays", "way", ">M/s", ">±", ">x", ">hits", ">equal", ">ties", ">t off", ">in 1e-5", ">of size"),
+        *(
+            "scene",
+            "rays",
+            "way",
+            ">M/s",
+            ">±",
+            ">x",
+            ">hits",
+            ">equal",
+            ">ties",
+            ">t off",
+            ">in 1e-5",
+            ">of size",
+        ),
     )
     embree = {(row["scene"], row["rays"]): row["mrays"] for row in record["rows"] if row["way"] == EMBREE}
     for row in record["rows"]:
@@ -33,7 +46,9 @@ def show(record: dict[str, Any], to: Console) -> None:
             *("-" if row[name] is None else format(row[name], form) for name, form in COMPARED),
         )
     to.print(shown)
-    shown = table("Builds and refits, ms by the clock", "scene", "structure", "what", ">triangles", ">ms", ">±", ">MiB")
+    shown = table(
+        "Builds and refits, ms by the clock", "scene", "structure", "what", ">triangles", ">ms", ">±", ">MiB"
+    )
     for row in record["builds"]:
         size = "-" if row["bytes"] is None else f"{row['bytes'] / 2**20:.1f}"
         shown.add_row(row["scene"], row["way"], "build", f"{row['triangles']:,}", *_ms(row), size)
@@ -52,7 +67,9 @@ def sentences(record: dict[str, Any]) -> list[str]:
     """Return the results as sentences."""
     lines = [f"Left out: {what}." for what in record["missing"]]
     if record["software"]:
-        lines.append("The driver traces on all cores of the processor; Embree and the builds in numpy use one.")
+        lines.append(
+            "The driver traces on all cores of the processor; Embree and the builds in numpy use one."
+        )
     speeds = {(row["scene"], row["rays"], row["way"]): row["mrays"] for row in record["rows"]}
     for scene, rays in dict.fromkeys((scene, rays) for scene, rays, _ in speeds):
         ours = speeds[scene, rays, BVH]
@@ -67,9 +84,9 @@ def sentences(record: dict[str, Any]) -> list[str]:
     if compared:
         rays = sum(row["count"] for row in compared)
         lines.append(
-            f"Of {rays:,} rays {sum(row['differ'] for row in compared)} hit another triangle than Embree says, off edges "
-            f"and at another t; "
-            f"t differs by {max(row['t_error'] for row in compared):.1e} at most, relatively, and by less than 1e-5 for "
+            f"Of {rays:,} rays {sum(row['differ'] for row in compared)} hit another triangle than Embree says, off "
+            f"edges and at another t; t differs by {max(row['t_error'] for row in compared):.1e} at most, "
+            "relatively, and by less than 1e-5 for "
             f"{min(row['t_within'] for row in compared):.3%} of the rays or more; in parts of the scene's size by "
             f"{max(row['t_of_size'] for row in compared):.1e} at most."
         )
@@ -79,7 +96,8 @@ def sentences(record: dict[str, Any]) -> list[str]:
         if way == BVH and beside is not None:
             lines.append(
                 f"{scene}: numpy builds {row['triangles']:,} triangles and {row['instances']:,} instances in "
-                f"{row['ms']:.3g} ms, {row['ms'] / beside['ms']:.2f}x of Embree, which has all instances as triangles."
+                f"{row['ms']:.3g} ms, {row['ms'] / beside['ms']:.2f}x of Embree, which has all instances as "
+                "triangles."
             )
     return lines
 

@@ -81,7 +81,7 @@ def geometry_of(scene: Scene) -> Geometry:
 
 
 def sphere(segments: int, rings: int) -> Geometry:
-    """Return a closed sphere of radius 1 with 2 segments (rings - 1) triangles, bent a little, from a place before it."""
+    """Return a closed sphere of 2 segments (rings - 1) triangles, bent a little, and a view of it."""
     polar = np.arange(1, rings) / rings * np.pi
     around = np.arange(segments) / segments * 2 * np.pi
     y, flat = np.cos(polar)[:, None], np.sin(polar)[:, None]
@@ -102,7 +102,9 @@ def sphere(segments: int, rings: int) -> Geometry:
     sides = [np.stack([a, c, b], axis=1), np.stack([b, c, d], axis=1)]
     indices = np.concatenate([*sides, *caps]).astype(np.uint32)
     view = View(translation((0.0, 0.0, 2.6)), Perspective(yfov=0.9, near=0.1))
-    return Geometry("sphere", [(indices, points.astype(np.float32))], np.zeros(1, np.int64), np.eye(4)[None, :3], view)
+    return Geometry(
+        "sphere", [(indices, points.astype(np.float32))], np.zeros(1, np.int64), np.eye(4)[None, :3], view
+    )
 
 
 # --- rays -------------------------------------------------------------------------------------------------------------

@@ -91,7 +91,7 @@ class Gpu:
         return vk.array("VkDescriptorSet", sets.handles)
 
     def seconds(self, calls: Sequence[tuple[Built, Any, int, Sequence[int]]], times: int = 1) -> float:
-        """Run calls, each (kernel, bound, invocations, push), one after the other; return the seconds of all, waited for.
+        """Run calls (kernel, bound, invocations, push), one after the other; return the seconds of all, waited for.
 
         With `times` they run so often in one submission, and the seconds are those of once.
         """
@@ -129,7 +129,9 @@ class Driver:
         for number, ((indices, positions), order) in enumerate(zip(geometry.meshes, kept, strict=True)):
             where = buffer_address(gpu.device, gpu.buffer(positions, "positions"))
             listed = buffer_address(gpu.device, gpu.buffer(indices[order], "indices"))
-            described.append(MeshGeometry(where, len(positions), listed, len(order), f"mesh {number}", refits))
+            described.append(
+                MeshGeometry(where, len(positions), listed, len(order), f"mesh {number}", refits)
+            )
             begins.append(end)
             end += len(order)
         words = np.concatenate([np.array(begins)[geometry.mesh_of], *kept]).astype(np.uint32)
@@ -166,7 +168,9 @@ class Driver:
 
     def refit_seconds(self) -> float:
         """Update the structures of meshes, and return the seconds, waited for."""
-        vertices = [it.geometry.vertices for it in self._bottoms.moving if isinstance(it.geometry, MeshGeometry)]
+        vertices = [
+            it.geometry.vertices for it in self._bottoms.moving if isinstance(it.geometry, MeshGeometry)
+        ]
         return self._run(lambda commands: self._bottoms.record_refits(commands, vertices))
 
     def top_seconds(self) -> float:

@@ -80,7 +80,7 @@ class RayStage(Stage):
         self._tracing, self._showing = [], []
         for eye in self._eyes:
             shared: dict[int, Held] = {0: eye, 1: self._pixels}
-            held = {number: it for number, it in {**shared, 2: self._counts, **self._held}.items()}
+            held: dict[int, Held] = {**shared, 2: self._counts, **self._held}
             self._tracing.append(self.set_of(self._trace, self._used(self._trace, held), "rays", sized=True))
             self._showing.append(self.set_of(self._show, shared, "show", sized=True))
 
@@ -120,7 +120,9 @@ class RayStage(Stage):
             uploader.buffer(buffer, np.ascontiguousarray(array))
         return buffer, buffer_address(self.device, buffer)
 
-    def world(self, geometries: Sequence[Geometry], flags: Sequence[int], records: Sequence[int] = ()) -> Structure:
+    def world(
+        self, geometries: Sequence[Geometry], flags: Sequence[int], records: Sequence[int] = ()
+    ) -> Structure:
         """Return a structure with one instance of each geometry where it is, with these flags (rays/model.py).
 
         `records` are the offsets of instances among the hit groups of the pipeline, 0 unless they are given.

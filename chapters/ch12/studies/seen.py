@@ -13,7 +13,9 @@ from common.scene import Nodes, Scene, SceneCamera
 from common.scene.primitive import nothing
 from common.view.camera import Orthographic, View
 
-EYE = np.dtype([("view_from_clip", np.float32, (4, 4)), ("world_from_view", np.float32, (4, 4)), ("size", np.uint32, 4)])
+EYE = np.dtype(
+    [("view_from_clip", np.float32, (4, 4)), ("world_from_view", np.float32, (4, 4)), ("size", np.uint32, 4)]
+)
 """The block `Eye_` of eye.glsl, matrices by columns."""
 
 PIXEL = np.dtype([("color", np.float32, 4), ("what", np.uint32, 4)])

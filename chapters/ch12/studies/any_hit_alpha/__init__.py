@@ -1,10 +1,10 @@
 """Study: leaves are cards with holes, and an any-hit shader says where a ray goes through.
 
 A structure knows the triangles of a card and nothing of its texture. Where a ray meets a triangle that is not flagged
-opaque, the driver runs the any-hit shader of the hit group: it looks at the texel and calls `ignoreIntersectionEXT` where
-there is no leaf. The hit then never happened, and the ray goes on. The shader runs for candidates in any order, also for
-some that are behind the hit in the end; a geometry that is flagged opaque never runs it. --set opaque=true flags the
-leaves so: the shader is not asked, and cards are whole. The ground is always opaque.
+opaque, the driver runs the any-hit shader of the hit group: it looks at the texel and calls `ignoreIntersectionEXT`
+where there is no leaf. The hit then never happened, and the ray goes on. The shader runs for candidates in any order,
+also for some that are behind the hit in the end; a geometry that is flagged opaque never runs it. --set opaque=true
+flags the leaves so: the shader is not asked, and cards are whole. The ground is always opaque.
 
 Without ray pipelines, and in OpenGL, our own hierarchy asks the same function `accept` while it traverses. The counters
 `asked` and `ignored` say how often it ran, and how often it answered no; they include the rays from the ground to the
@@ -47,7 +47,12 @@ GROUND = 4.0
 LEAVES, FLOOR = 0, 1
 """Instances."""
 
-PLACED: tuple[tuple[str, int], ...] = (("RAYS_SET", 0), ("RAYS_BINDING", 5), ("RAYS_SLOT", 5), ("TEXELS", TEXELS))
+PLACED: tuple[tuple[str, int], ...] = (
+    ("RAYS_SET", 0),
+    ("RAYS_BINDING", 5),
+    ("RAYS_SLOT", 5),
+    ("TEXELS", TEXELS),
+)
 """Where rays find what they traverse."""
 
 
@@ -65,10 +70,14 @@ def own_scene() -> Scene:
 
 
 def mask() -> NDArray[np.bool_]:
-    """Return (TEXELS, TEXELS) whether there is leaf at a texel, row 0 at v = 0: a lobed leaf with two holes, on a stem."""
+    """Return (TEXELS, TEXELS) whether there is leaf at a texel, row 0 at v = 0: lobes, two holes, and a stem."""
     v, u = (np.mgrid[:TEXELS, :TEXELS] + 0.5) / TEXELS
     x, along = 2 * u - 1, v
-    half = 0.9 * np.sin(np.pi * np.clip((along - 0.15) / 0.85, 0, 1)) ** 0.8 * (0.8 + 0.2 * np.cos(14 * np.pi * along))
+    half = (
+        0.9
+        * np.sin(np.pi * np.clip((along - 0.15) / 0.85, 0, 1)) ** 0.8
+        * (0.8 + 0.2 * np.cos(14 * np.pi * along))
+    )
     leaf = (along > 0.15) & (np.abs(x) < half)
     stem = (along <= 0.2) & (np.abs(x) < 0.05)
     holes = (np.hypot(x - 0.35, along - 0.55) < 0.12) | (np.hypot(x + 0.3, along - 0.42) < 0.08)

@@ -25,7 +25,11 @@ class Renderer(RayStage):
         """Upload mask, normals and the hierarchy."""
         parts = enumerate(hierarchy(self.settings), 5)
         held = {number: self.filled(part, "hierarchy") for number, part in parts}
-        return {3: self.filled(mask_words(), "mask"), 4: self.filled(normals(self.settings), "normals"), **held}
+        return {
+            3: self.filled(mask_words(), "mask"),
+            4: self.filled(normals(self.settings), "normals"),
+            **held,
+        }
 
     def read_told(self, slot: FrameSlot) -> dict[str, int]:
         """Return how often the mask was asked, after a wait for the frame."""

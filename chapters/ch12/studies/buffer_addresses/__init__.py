@@ -1,17 +1,17 @@
 """Study: a hit fetches its vertices by address. Meshes lie anywhere, and a table of addresses is all that shaders know.
 
-A ray may hit any mesh. What a hit shader knows is the number of the instance and of the triangle, so every vertex of the
-scene must be in reach. Descriptors can do that if all meshes share a buffer (as the chapter's pages), or by an array of
-buffers. Here a table has three 64-bit addresses for each instance: of indices, of positions, and of normals and colours.
-The shader adds the offset of a word to an address, makes a pointer from the sum (GL_EXT_buffer_reference), and reads.
-The structures are built from the same addresses.
+A ray may hit any mesh. What a hit shader knows is the number of the instance and of the triangle, so every vertex of
+the scene must be in reach. Descriptors can do that if all meshes share a buffer (as the chapter's pages), or by an
+array of buffers. Here a table has three 64-bit addresses for each instance: of indices, of positions, and of normals
+and colours. The shader adds the offset of a word to an address, makes a pointer from the sum
+(GL_EXT_buffer_reference), and reads. The structures are built from the same addresses.
 
-A sum of two 64-bit numbers is one of 32-bit halves with a carry, so no device needs 64-bit integers for that. Nothing checks
-where an address leads: `robustBufferAccess` bounds descriptors alone.
+A sum of two 64-bit numbers is one of 32-bit halves with a carry, so no device needs 64-bit integers for that. Nothing
+checks where an address leads: `robustBufferAccess` bounds descriptors alone.
 
-The meshes lie in one buffer, behind gaps of a size by lot, each at a multiple of 4 that is no place for a descriptor; the
-vertices of each are in an order by lot. The study buffer-address of chapter 2 reads vertices one by one as a draw asks for
-them; here every ray asks for another three.
+The meshes lie in one buffer, behind gaps of a size by lot, each at a multiple of 4 that is no place for a descriptor;
+the vertices of each are in an order by lot. The study buffer-address of chapter 2 reads vertices one by one as a draw
+asks for them; here every ray asks for another three.
 """
 
 from __future__ import annotations
@@ -39,7 +39,9 @@ STUDY = Study(
 FOLDER = "studies/buffer_addresses"
 RAYGEN, MISS, CLOSEST = f"{FOLDER}/start.rgen", f"{FOLDER}/sky.rmiss", f"{FOLDER}/fetch.rchit"
 
-ENTRY = np.dtype([("indices", np.uint64), ("positions", np.uint64), ("attributes", np.uint64), ("spare", np.uint64)])
+ENTRY = np.dtype(
+    [("indices", np.uint64), ("positions", np.uint64), ("attributes", np.uint64), ("spare", np.uint64)]
+)
 """The entry of an instance in the table: where three parts of its mesh begin."""
 
 
@@ -84,10 +86,14 @@ def meshes(settings: Settings) -> list[Mesh]:
     return made
 
 
-def _sphere(random: np.random.Generator, segments: int, rings: int, middle: NDArray[np.float64], radius: float) -> Mesh:
+def _sphere(
+    random: np.random.Generator, segments: int, rings: int, middle: NDArray[np.float64], radius: float
+) -> Mesh:
     v, u = (it.reshape(-1) for it in np.mgrid[: rings + 1, : segments + 1])
     polar, around = v / rings * np.pi, u / segments * 2 * np.pi
-    normals = np.stack([np.sin(polar) * np.sin(around), np.cos(polar), np.sin(polar) * np.cos(around)], axis=1)
+    normals = np.stack(
+        [np.sin(polar) * np.sin(around), np.cos(polar), np.sin(polar) * np.cos(around)], axis=1
+    )
     waves = 1 + 0.12 * np.sin(5 * around) * np.sin(polar) ** 2
     corner = v[: -segments - 1] * (segments + 1) + u[: -segments - 1]
     a = corner[u[: -segments - 1] < segments]
@@ -109,7 +115,7 @@ def _sphere(random: np.random.Generator, segments: int, rings: int, middle: NDAr
 
 
 def arena(made: list[Mesh]) -> tuple[NDArray[np.uint32], NDArray[np.int64]]:
-    """Return the words of the buffer, and (M, 3) the bytes at which the parts of each mesh begin, behind gaps by lot."""
+    """Return the words of the buffer, and (M, 3) the bytes at which the parts of each mesh begin, behind gaps."""
     random = np.random.default_rng(22)
     parts: list[NDArray[np.uint32]] = []
     begins, end = [], 0

@@ -29,7 +29,11 @@ class Renderer(RayStage):
         self.entries = table(begins, self.address)
         geometries = [
             MeshGeometry(
-                int(entry["positions"]), len(mesh.positions), int(entry["indices"]), len(mesh.indices), f"mesh {number}"
+                int(entry["positions"]),
+                len(mesh.positions),
+                int(entry["indices"]),
+                len(mesh.indices),
+                f"mesh {number}",
             )
             for number, (entry, mesh) in enumerate(zip(self.entries, made, strict=True))
         ]

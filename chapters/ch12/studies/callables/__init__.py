@@ -1,14 +1,14 @@
-"""Study: materials as callable shaders. A hit runs the shader of its material by a number, like a function by a pointer.
+"""Study: materials as callable shaders. A hit runs the shader of its material by a number, as by a function pointer.
 
-A shader binding table has four regions; the fourth holds callable shaders. `executeCallableEXT(n, 0)` runs the shader of
-record n, which gets and gives the variable of location 0: here the place of a hit comes in, and a colour goes out. The
-closest-hit shader knows nothing of materials but their numbers, so another material is a file and a record, and no
-shader that exists is compiled again. A call costs what a shader call costs: the compiler cannot see into it, and rays that
-are traced together may call different shaders.
+A shader binding table has four regions; the fourth holds callable shaders. `executeCallableEXT(n, 0)` runs the shader
+of record n, which gets and gives the variable of location 0: here the place of a hit comes in, and a colour goes out.
+The closest-hit shader knows nothing of materials but their numbers, so another material is a file and a record, and
+no shader that exists is compiled again. A call costs what a shader call costs: the compiler cannot see into it, and
+rays that are traced together may call different shaders.
 
---set shading=inline has all materials in the closest-hit shader, by a `switch`. The functions are the same (materials.glsl),
-so pictures are, too. --set linked=true compiles each group as a library by itself, and links the pipeline from them
-(VK_KHR_pipeline_library): pixels stay the same.
+--set shading=inline has all materials in the closest-hit shader, by a `switch`. The functions are the same
+(materials.glsl), so pictures are, too. --set linked=true compiles each group as a library by itself, and links the
+pipeline from them (VK_KHR_pipeline_library): pixels stay the same.
 """
 
 from __future__ import annotations
@@ -50,7 +50,9 @@ class Settings:
     """The knobs of this study."""
 
     shading: str = knob(
-        "callable", "where materials are: callable shaders, or all in the closest-hit shader", choices=("callable", "inline")
+        "callable",
+        "where materials are: callable shaders, or all in the closest-hit shader",
+        choices=("callable", "inline"),
     )
     linked: bool = knob(False, "whether the pipeline is linked from libraries, one for each group")
     first: int = knob(0, "number of the material of the first block", minimum=0, maximum=len(MATERIALS) - 1)
@@ -89,7 +91,7 @@ def defines(settings: Settings) -> tuple[tuple[str, int], ...]:
 
 
 def faces(settings: Settings) -> NDArray[np.float32]:
-    """Return (T, 4) the normal of each triangle, and the number of its material: neighbouring blocks have the next ones."""
+    """Return (T, 4) the normal of each triangle, and the number of its material; the next block has the next one."""
     positions, indices = triangles()
     corners = positions.astype(np.float64)[indices]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -1,18 +1,19 @@
-"""Study: spheres without triangles. Structures hold boxes, and an intersection shader says where a ray meets what is inside.
+"""Study: spheres without triangles. Structures hold boxes, and an intersection shader finds the sphere in a box.
 
-A structure knows triangles and boxes. Where a ray meets a box, the driver runs the intersection shader of the hit group;
-it finds the sphere in the box and reports the parameter t and a number, the *kind* of the hit (here: from outside, or
-from inside). The driver keeps the nearest reported hit, as with triangles, and runs the closest-hit shader in the end.
-Boxes may overlap, and a ray meets many whose spheres it misses: a box has 6/pi times the volume of its sphere.
+A structure knows triangles and boxes. Where a ray meets a box, the driver runs the intersection shader of the hit
+group; it finds the sphere in the box and reports the parameter t and a number, the *kind* of the hit (here: from
+outside, or from inside). The driver keeps the nearest reported hit, as with triangles, and runs the closest-hit
+shader in the end. Boxes may overlap, and a ray meets many whose spheres it misses: a box has 6/pi times the volume of
+its sphere.
 
-Without ray pipelines, and in OpenGL, a kernel asks every sphere for every ray. The function of one sphere is the same, so
-pixels are, too; the counter `tests` says how often it ran.
+Without ray pipelines, and in OpenGL, a kernel asks every sphere for every ray. The function of one sphere is the
+same, so pixels are, too; the counter `tests` says how often it ran.
 
-The ray meets the sphere where t^2 - 2 b t + c = 0, with b = -f d, c = f f - r^2 and f from the centre to the ray's origin.
-The usual discriminant b^2 - c is a difference of large numbers if the sphere is small or far away. r^2 - |f + b d|^2 is the
-same on paper, of lengths across the ray; and with q = b + sign(b) sqrt(...) the solutions are c / q and q, without a
-difference (Haines, Günther and Akenine-Möller 2019, "Precision Improvements for Ray/Sphere Intersection").
---set discriminant=usual shows what is lost: move away from small spheres.
+The ray meets the sphere where t^2 - 2 b t + c = 0, with b = -f d, c = f f - r^2 and f from the centre to the ray's
+origin. The usual discriminant b^2 - c is a difference of large numbers if the sphere is small or far away. r^2 - |f +
+b d|^2 is the same on paper, of lengths across the ray; and with q = b + sign(b) sqrt(...) the solutions are c / q and
+q, without a difference (Haines, Günther and Akenine-Möller 2019, "Precision Improvements for Ray/Sphere
+Intersection"). --set discriminant=usual shows what is lost: move away from small spheres.
 """
 
 from __future__ import annotations
@@ -54,7 +55,9 @@ class Settings:
 
     spheres: int = knob(120, "spheres on the ground", minimum=1, maximum=4096)
     discriminant: str = knob(
-        "stable", "how a sphere is met: by lengths across the ray, or as books have it", choices=("stable", "usual")
+        "stable",
+        "how a sphere is met: by lengths across the ray, or as books have it",
+        choices=("stable", "usual"),
     )
 
 

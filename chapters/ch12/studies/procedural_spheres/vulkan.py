@@ -1,4 +1,4 @@
-"""The study procedural-spheres on Vulkan: boxes in a structure and a pipeline with an intersection shader, or a kernel."""
+"""The study procedural-spheres on Vulkan: boxes and a pipeline with an intersection shader, or a kernel."""
 
 from __future__ import annotations
 
@@ -24,7 +24,9 @@ class Renderer(RayStage):
         if not self.traces:
             return ComputeDescription(KERNEL, given, name="spheres")
         group = HitGroup(CLOSEST, "", INTERSECTION)
-        return RayDescription(RAYGEN, (MISS,), (group,), defines=(("RAYS_PIPELINE", 1), *given), name="spheres")
+        return RayDescription(
+            RAYGEN, (MISS,), (group,), defines=(("RAYS_PIPELINE", 1), *given), name="spheres"
+        )
 
     def hold(self) -> dict[int, Held]:
         """Upload the spheres, and build the structure over their boxes."""
