@@ -67,7 +67,8 @@ class Gpu:
         """
         commands, fn = self._commands, self.device.fn
         began = clock.perf_counter()
-        commands.begin(SimpleNamespace())
+        slot: Any = SimpleNamespace()
+        commands.begin(slot)
         for _ in range(times):
             for kernel, bound, invocations, push in calls:
                 commands.bind_compute(kernel)

@@ -136,12 +136,14 @@ class _Scene:
         """Free the structures of the driver."""
         if self._driver is not None:
             self._driver.close()
+            self._driver = None
 
     # --- builds ---
 
     def builds(self, step: Step) -> list[dict[str, Any]]:
         """Build every structure some times, keep the last ones, and return a row for each kind."""
-        geometry, times = self._geometry, {}
+        geometry = self._geometry
+        times: dict[str, list[float]] = {}
         rounds = min(self._rounds, 3)
         ours: list[float] = []
         for number in range(rounds):

@@ -98,7 +98,8 @@ class Gpu:
         commands = self._commands
         began = clock.perf_counter()
         with submit_once(self.device) as handle:
-            commands.begin(SimpleNamespace(commands=handle, index=0))
+            slot: Any = SimpleNamespace(commands=handle, index=0)
+            commands.begin(slot)
             for _ in range(times):
                 for kernel, bound, invocations, push in calls:
                     commands.bind_compute(kernel)

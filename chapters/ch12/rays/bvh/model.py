@@ -77,7 +77,7 @@ DEPTH_UPPER, DEPTH_LARGEST = 32, 44
 as its codes and the number of leaves have bits. A traversal keeps one code for each node on its way, of both levels."""
 STACK = DEPTH_UPPER + DEPTH_LARGEST
 
-CONSTANTS = {
+CONSTANTS: dict[str, int | str] = {
     "BVH_LEAF": f"{LEAF}u",
     "BVH_COUNT_SHIFT": f"{COUNT_SHIFT}u",
     "BVH_NO_CHILD": f"{NO_CHILD}u",

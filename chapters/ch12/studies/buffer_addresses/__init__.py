@@ -77,13 +77,13 @@ def meshes(settings: Settings) -> list[Mesh]:
     random = np.random.default_rng(21)
     columns = math.ceil(math.sqrt(settings.meshes * 4 / 3))
     rows = -(-settings.meshes // columns)
-    made = []
+    waved = []
     for number in range(settings.meshes):
         row, column = divmod(number, columns)
         segments, rings = int(random.integers(12, 40)), int(random.integers(8, 24))
         middle = np.array([(column - (columns - 1) / 2), (rows - 1) / 2 - row, 0.0]) * 4.4 / columns
-        made.append(_sphere(random, segments, rings, middle, 1.9 / columns))
-    return made
+        waved.append(_sphere(random, segments, rings, middle, 1.9 / columns))
+    return waved
 
 
 def _sphere(
@@ -114,12 +114,12 @@ def _sphere(
     )
 
 
-def arena(made: list[Mesh]) -> tuple[NDArray[np.uint32], NDArray[np.int64]]:
+def arena(listed: list[Mesh]) -> tuple[NDArray[np.uint32], NDArray[np.int64]]:
     """Return the words of the buffer, and (M, 3) the bytes at which the parts of each mesh begin, behind gaps."""
     random = np.random.default_rng(22)
     parts: list[NDArray[np.uint32]] = []
     begins, end = [], 0
-    for mesh in made:
+    for mesh in listed:
         for part in (mesh.indices, mesh.positions.view(np.uint32), mesh.attributes):
             gap = random.integers(0, 2**32, int(random.integers(1, 40)) | 1, dtype=np.uint32)
             parts += [gap, part.reshape(-1)]

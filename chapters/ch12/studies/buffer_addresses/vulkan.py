@@ -23,8 +23,8 @@ class Renderer(RayStage):
     def hold(self) -> dict[int, Held]:
         """Upload the meshes, and build structures and table from their addresses."""
         require(self.device, self.without, "buffer-addresses")
-        made = meshes(self.settings)
-        words, begins = arena(made)
+        listed = meshes(self.settings)
+        words, begins = arena(listed)
         _, self.address = self.input(words, "meshes")
         self.entries = table(begins, self.address)
         geometries = [
@@ -35,7 +35,7 @@ class Renderer(RayStage):
                 len(mesh.indices),
                 f"mesh {number}",
             )
-            for number, (entry, mesh) in enumerate(zip(self.entries, made, strict=True))
+            for number, (entry, mesh) in enumerate(zip(self.entries, listed, strict=True))
         ]
         world = self.world(geometries, [CULL_DISABLE | FORCE_OPAQUE] * len(geometries))
         return {3: self.filled(self.entries, ["storage"], "addresses"), 4: world}

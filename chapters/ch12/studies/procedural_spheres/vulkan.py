@@ -20,12 +20,12 @@ class Renderer(RayStage):
 
     def describe(self) -> Described:
         """Return a ray pipeline with one hit group of three stages, or the kernel."""
-        given = defines(self.settings)
+        macros = defines(self.settings)
         if not self.traces:
-            return ComputeDescription(KERNEL, given, name="spheres")
+            return ComputeDescription(KERNEL, macros, name="spheres")
         group = HitGroup(CLOSEST, "", INTERSECTION)
         return RayDescription(
-            RAYGEN, (MISS,), (group,), defines=(("RAYS_PIPELINE", 1), *given), name="spheres"
+            RAYGEN, (MISS,), (group,), defines=(("RAYS_PIPELINE", 1), *macros), name="spheres"
         )
 
     def hold(self) -> dict[int, Held]:
