@@ -12,7 +12,7 @@ EMBREE = "embree"
 
 BVH = "bvh"
 
-COMPARED = (("differ", "d"), ("ties", "d"), ("t_error", ".1e"), ("t_within", ".2%"), ("t_of_size", ".1e"))
+COMPARED = (("differ", "d"), ("ties", "d"), ("t_error", ".1e"), ("t_within", ".2%"))
 """Columns of agreement with Embree, and how they are printed."""
 
 
@@ -33,7 +33,7 @@ def show(record: dict[str, Any], to: Console) -> None:
     if compared:
         shown = table(
             "Hits against Embree's, off edges: rays that hit others, and errors of t",
-            *("scene", "rays", "way", ">hits", ">other", ">ties", ">t", ">< 1e-5", ">of size"),
+            *("scene", "rays", "way", ">hits", ">other", ">ties", ">t", ">< 1e-5"),
         )
         for row in compared:
             agree = (format(row[name], form) for name, form in COMPARED)
