@@ -61,13 +61,14 @@ class Gpu:
         return dict(held)
 
     def seconds(self, calls: Sequence[tuple[Built, Any, int, Sequence[int]]], times: int = 1) -> float:
-        """Run calls, each (kernel, bound, invocations, push), one after the other; return the seconds of all, waited for.
+        """Run calls (kernel, bound, invocations, push), one after the other; return the seconds of all, waited for.
 
         With `times` they run so often, and the seconds are those of once.
         """
         commands, fn = self._commands, self.device.fn
         began = clock.perf_counter()
-        commands.begin(SimpleNamespace())
+        slot: Any = SimpleNamespace()
+        commands.begin(slot)
         for _ in range(times):
             for kernel, bound, invocations, push in calls:
                 commands.bind_compute(kernel)

@@ -1,4 +1,4 @@
-"""Rays a second of the three ways and of Embree, how their hits agree, and what builds cost: `strata bench 12 --only rays`.
+"""Rays a second of the three ways and of Embree, and what builds cost: `strata bench 12 --only rays`.
 
 The ways are those of the setting `ray_way`: a ray-tracing pipeline and ray queries over the structures of the driver,
 and our BVH in compute, which OpenGL has, too. All trace the same rays: those of a camera, whose neighbours go the same
@@ -6,15 +6,14 @@ way, and rays chosen by lot, which do not. Embree (package embreex, of the extra
 the processor; without the package there is neither its speed nor the agreement.
 
 Times are those of the clock, around submissions that are waited for, less that of an empty one: a software driver's
-timestamps do not wait for its work. Each way first traces some rays that are not timed; then all ways take turns. A submission is cut
-so that it takes a quarter of a second at most.
+timestamps do not wait for its work. Each way first traces some rays that are not timed; then all ways take turns. A
+submission is cut so that it takes a quarter of a second at most.
 """
 
 from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Sequence
-from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -62,7 +61,7 @@ MOST_TIMES = 64
 
 REFIT_SCENE = "sphere"
 
-AGREEMENT = ("edges", "equal", "ties", "differ", "t_error", "t_within")
+AGREEMENT = ("edges", "equal", "ties", "differ", "t_error", "t_within", "t_of_size")
 """Figures of `rays_scenes.agreement` that a row has; None without Embree, and for Embree itself."""
 
 Step = Callable[[str, float], None]
@@ -79,8 +78,8 @@ def measure(subject: Subject, effort: Effort, step: Step) -> dict[str, Any] | No
         return None
     software, missing = is_software(subject), []
     count = (SLOW_RAYS if software else RAYS) if effort.everything else QUICK_RAYS
-    gpu = import_module(f"{__package__}.{subject.backend}_rays").Gpu(subject.device)
-    driver = import_module(f"{__package__}.{subject.backend}_rays").Driver
+    opened, driver = _parts(subject.backend)
+    gpu = opened(subject.device)
     if not gpu.ways:
         missing.append("pipeline and query, which this device does not have")
     record: dict[str, Any] = {"rows": [], "builds": [], "refits": []}
@@ -112,6 +111,17 @@ def measure(subject: Subject, effort: Effort, step: Step) -> dict[str, Any] | No
     return {"software": software, "backend": subject.backend, "missing": missing, **record}
 
 
+def _parts(backend: str) -> tuple[Any, Any]:
+    """Return the classes that run kernels on a graphics API and that hold the driver's structures."""
+    if backend == "vulkan":
+        from . import vulkan_rays
+
+        return vulkan_rays.Gpu, vulkan_rays.Driver
+    from . import gl_rays
+
+    return gl_rays.Gpu, gl_rays.Driver
+
+
 class _Scene:
     """One geometry with all structures over it."""
 
@@ -126,12 +136,14 @@ class _Scene:
         """Free the structures of the driver."""
         if self._driver is not None:
             self._driver.close()
+            self._driver = None
 
     # --- builds ---
 
     def builds(self, step: Step) -> list[dict[str, Any]]:
         """Build every structure some times, keep the last ones, and return a row for each kind."""
-        geometry, times = self._geometry, {}
+        geometry = self._geometry
+        times: dict[str, list[float]] = {}
         rounds = min(self._rounds, 3)
         ours: list[float] = []
         for number in range(rounds):
@@ -178,6 +190,8 @@ class _Scene:
                 (self._buffers.nodes, self._buffers.triangles, self._buffers.instances)
             )
         }
+        low, high = self._geometry.box()
+        size = float(np.linalg.norm(high - low))
         for number, (kind, make) in enumerate(KINDS.items()):
             rays = make(self._geometry, count)
             jobs, hits = gpu.buffer(rays, "rays"), gpu.buffer(np.zeros((len(rays), 8), np.uint32), "hits")
@@ -205,7 +219,7 @@ class _Scene:
                 row["hits"] = float(answers[way].hit.mean())
                 truth = answers.get(EMBREE)
                 known = truth is not None and way != EMBREE
-                agree = scenes.agreement(answers[way], truth) if known and truth is not None else {}
+                agree = scenes.agreement(answers[way], truth, size) if known and truth is not None else {}
                 row |= {name: agree.get(name) for name in AGREEMENT}
                 found.append(row)
         return found
@@ -219,7 +233,7 @@ class _Scene:
         works = _Bends(self._gpu, indices, positions)
         for what, calls in works.calls().items():
             self._gpu.seconds(calls)  # drivers compile at the first dispatch
-            times = [self._gpu.seconds(calls) - self._empty_s for _ in range(max(self._rounds, 3))]
+            times = [max(self._gpu.seconds(calls) - self._empty_s, 0.0) for _ in range(max(self._rounds, 3))]
             rows.append(
                 self._named(BVH, what=what, dispatches=len(calls), **_timed([1e3 * it for it in times]))
             )
@@ -228,7 +242,7 @@ class _Scene:
             try:
                 for what, run in (("refit", built.refit_seconds), ("upper level", built.top_seconds)):
                     run()
-                    times = [run() - self._empty_s for _ in range(max(self._rounds, 3))]
+                    times = [max(run() - self._empty_s, 0.0) for _ in range(max(self._rounds, 3))]
                     rows.append(
                         self._named("driver", what=what, dispatches=0, **_timed([1e3 * it for it in times]))
                     )

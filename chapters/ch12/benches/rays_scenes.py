@@ -81,7 +81,7 @@ def geometry_of(scene: Scene) -> Geometry:
 
 
 def sphere(segments: int, rings: int) -> Geometry:
-    """Return a closed sphere of radius 1 with 2 segments (rings - 1) triangles, bent a little, from a place before it."""
+    """Return a closed sphere of 2 segments (rings - 1) triangles, bent a little, and a view of it."""
     polar = np.arange(1, rings) / rings * np.pi
     around = np.arange(segments) / segments * 2 * np.pi
     y, flat = np.cos(polar)[:, None], np.sin(polar)[:, None]
@@ -116,7 +116,7 @@ def camera_rays(geometry: Geometry, count: int) -> Floats:
     width = max(count // height, 1)
     y, x = np.divmod(np.arange(width * height), width)
     ndc = 2 * (np.stack([x, y], axis=1) + 0.5) / (width, height) - 1
-    clip = np.concatenate([ndc * (1, -1), np.ones((len(ndc), 2))], axis=1)  # on the near plane
+    clip = np.concatenate([ndc, np.ones((len(ndc), 2))], axis=1)  # on the near plane
     seen = clip @ np.linalg.inv(geometry.view.clip_from_view(width / height)).T
     along = (seen[:, :3] / seen[:, 3:]) @ geometry.view.world_from_view[:3, :3].T
     along /= np.linalg.norm(along, axis=1, keepdims=True)
@@ -176,18 +176,20 @@ class Hits:
         return self.hit & (least < EDGE)
 
 
-def agreement(found: Hits, truth: Hits) -> dict[str, Any]:
+def agreement(found: Hits, truth: Hits, size: float = 1.0) -> dict[str, Any]:
     """Return how hits agree with others: `hits` and `edges` as shares of rays, off edges the share of `equal` ids.
 
     `ties` are rays that hit another triangle at the same t, `differ` the others with other ids; neither counts edges.
     Where ids are equal off edges, `t_error` is the largest relative difference of t, and `t_within` the share of those
-    below SAME_T: rays that begin at a triangle or graze it have few digits of t in float32.
+    below SAME_T: rays that begin at a triangle or graze it have few digits of t in float32. `t_of_size` is the largest
+    difference in parts of `size`, that of the scene; directions have the length 1.
     """
     off = ~(found.on_edge | truth.on_edge)
     equal = (found.instance == truth.instance) & (found.primitive == truth.primitive)
     both = found.hit & truth.hit
     apart = np.zeros(len(both))
-    apart[both] = np.abs(found.t[both].astype(np.float64) / truth.t[both] - 1)
+    away = np.abs(found.t[both].astype(np.float64) - truth.t[both])
+    apart[both] = away / truth.t[both]
     ties = off & ~equal & both & (apart <= SAME_T)
     sure = off & ~ties
     same = equal & both & off
@@ -199,6 +201,7 @@ def agreement(found: Hits, truth: Hits) -> dict[str, Any]:
         "differ": int((sure & ~equal).sum()),
         "t_error": float(apart[same].max()) if same.any() else 0.0,
         "t_within": float((apart[same] <= SAME_T).mean()) if same.any() else 1.0,
+        "t_of_size": float(away[same[both]].max()) / size if same.any() else 0.0,
     }
 
 

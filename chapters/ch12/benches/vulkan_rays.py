@@ -92,14 +92,15 @@ class Gpu:
         return vk.array("VkDescriptorSet", sets.handles)
 
     def seconds(self, calls: Sequence[tuple[Built, Any, int, Sequence[int]]], times: int = 1) -> float:
-        """Run calls, each (kernel, bound, invocations, push), one after the other; return the seconds of all, waited for.
+        """Run calls (kernel, bound, invocations, push), one after the other; return the seconds of all, waited for.
 
         With `times` they run so often in one submission, and the seconds are those of once.
         """
         commands = self._commands
         began = clock.perf_counter()
         with submit_once(self.device) as handle:
-            commands.begin(SimpleNamespace(commands=handle, index=0))
+            slot: Any = SimpleNamespace(commands=handle, index=0)
+            commands.begin(slot)
             for _ in range(times):
                 for kernel, bound, invocations, push in calls:
                     commands.bind_compute(kernel)
