@@ -78,7 +78,7 @@ built, whose levels are the bits of its codes and of the number of its triangles
 node on its way through both levels."""
 STACK = DEPTH_UPPER + DEPTH_LARGEST
 
-CONSTANTS = {
+CONSTANTS: dict[str, int | float | str] = {
     "BVH_LEAF": f"{LEAF}u",
     "BVH_COUNT_SHIFT": f"{COUNT_SHIFT}u",
     "BVH_NO_CHILD": f"{NO_CHILD}u",
