@@ -78,6 +78,9 @@ def drawn_from(cloth_scene: ClothScene, planned: Sequence[Page]) -> list[Drawn]:
 class ClothFrames:
     """The cloths of a scene from frame to frame. `drawn` are the places of their vertices in the pages."""
 
+    everywhere = False
+    """Whether vertices are written that are out of view, too: a ray may meet them."""
+
     def __init__(
         self,
         cloth_scene: ClothScene,
@@ -286,6 +289,8 @@ class ClothFrames:
         """Return (C,) which cloths may be in the picture; a cloth with unknown bounds may be."""
         cloth_scene = self._cloth_scene
         visible = cloth_scene.scene.instances.visible[cloth_scene.instances]
+        if self.everywhere:
+            return visible
         planes = frustum_planes(view.clip_from_world(aspect))
         boxes = self.boxes()
         center, half = boxes.mean(axis=1), np.ptp(boxes, axis=1) / 2

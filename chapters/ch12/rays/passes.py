@@ -100,7 +100,7 @@ class StructuresPass(Pass):
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
         """Whether a part of the picture is traced."""
-        return picture.in_use(settings)
+        return picture.in_use(scene, settings)
 
     def record(self, commands: Commands) -> None:
         """Record the builds of the frame."""
@@ -138,7 +138,7 @@ class RayPicturePass(Pass):
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
         """Whether a part of the picture is traced."""
-        return picture.in_use(settings)
+        return picture.in_use(scene, settings)
 
     def describe(self) -> Described:
         """Return the pipeline, for all materials of the scene."""

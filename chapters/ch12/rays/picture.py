@@ -39,9 +39,9 @@ FEATURES = {PIPELINE: "ray-tracing", QUERY: "ray-query"}
 """The feature of a device that a way needs."""
 
 
-def in_use(settings: Any) -> bool:
-    """Whether a part of the picture is traced; a view of a quantity is rasterised."""
-    return bool(settings.rays.rays != "off" and settings.shading.view == PICTURE)
+def in_use(scene: Scene, settings: Any) -> bool:
+    """Whether a part of the picture is traced; a view of a quantity is rasterised, and so is a scene of nothing."""
+    return bool(settings.rays.rays != "off" and settings.shading.view == PICTURE and len(scene.indices))
 
 
 def first_column(settings: Any, width: int) -> int:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from backends.contract import FrameInfo, Pass, Technique
 from common.scene import Scene
 
+from ..cloth.passes import ClothPass
 from ..frames.backend.backend import Backend
 from ..scene.pass_parts import PassParts
 from ..settings import Settings
@@ -29,13 +30,17 @@ class RayTechnique(Technique):
         """Make the passes, and the structures if they are in use."""
         build, trace = StructuresPass(parts), RayPicturePass(parts)
         self.passes = {build.name: build, trace.name: trace}
-        if not picture.in_use(parts.settings):
+        if not picture.in_use(parts.scene, parts.settings):
             return
         self._backend, self._settings, self._trace = backend, parts.settings, trace
         way = picture.chosen_way(parts.settings, backend.plan)
         package = f"{__package__}.bvh" if way == picture.BVH else __package__
         self._structures = structures = backend.part(package).open_structures(backend, parts)
-        cloth = bool(passes["cloth"].externals)
+        hanging = passes["cloth"]
+        assert isinstance(hanging, ClothPass)
+        cloth = hanging.frames is not None
+        if hanging.frames is not None:
+            hanging.frames.everywhere = True
         for gpu_pass in (build, trace):
             gpu_pass.structures = structures
             gpu_pass.follow(way, structures.sizes, cloth)
@@ -47,7 +52,7 @@ class RayTechnique(Technique):
         cloth = any(gpu_pass.name == "cloth" and not gpu_pass.resting for gpu_pass in frame.passes)
         written = self._structures.prepare(frame.slot, frame.pose, cloth)
         self._trace.tiles = self._follow_time(frame)
-        self.work = self._structures.work | {"ray_tiles": self._trace.tiles}
+        self.work = {**self._structures.work, "ray_tiles": self._trace.tiles}
         return written
 
     def _follow_time(self, frame: FrameInfo) -> int:

@@ -18,7 +18,7 @@ MOST = 1024
 """The largest number of tiles."""
 
 RAYS_A_SECOND = {True: 2e5, False: 2e7}
-"""Rays that software, or a GPU, traces in a second at least: from this follows the number of tiles of the first frame."""
+"""Rays that software, or a GPU, traces in a second at least: the number of tiles of the first frame follows from it."""
 
 EVERY = 16
 """Frames between two readings of the time while frames follow one another quickly."""
@@ -40,8 +40,8 @@ def first_count(rays: float, software: bool) -> int:
 def next_count(count: int, milliseconds: float) -> int:
     """Return the number of tiles, of which so far `count` took `milliseconds` together.
 
-    It grows where a tile takes more than AIM_MS in the mean, and shrinks where fewer would take half of that: a time that
-    varies by less than a factor of two changes nothing.
+    It grows where a tile takes more than AIM_MS in the mean, and shrinks where fewer would take half of that: a time
+    that varies by less than a factor of two changes nothing.
     """
     wanted = power_of_two(2.0 * milliseconds / AIM_MS)
     return wanted if wanted < count or milliseconds > AIM_MS * count else count

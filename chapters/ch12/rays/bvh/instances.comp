@@ -55,6 +55,7 @@ void main() {
         bvh_instances[record].rows[i] = sound ? vec4(inverse[i], translation[i]) : vec4(0.0);
     }
     bvh_instances[record].what.y = seen ? slot.z : 0u;
+    bvh_instances[record].what.w = slot.w;  // other than before, once a material became another kind
     vec3 inside_out = uintBitsToFloat(uvec3(0x7F800000u));
     bvh_nodes[2u * slot.y].xyz = seen ? place - reach : inside_out;
     bvh_nodes[2u * slot.y + 1u].xyz = seen ? place + reach : -inside_out;

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.errors import SceneError
-from common.scene import Change, Pose
+from common.scene import Change, Pose, Scene
 from common.scene.pose import evaluate_pose
 
 from ...frames.commands import Commands
@@ -73,20 +73,15 @@ class BvhMemory:
             )
             for mesh in range(len(scene.meshes))
         ]
-        opaque = opaque_materials(scene)[scene.meshes["material"][scene.instances.mesh]]
         matrices = np.array(evaluate_pose(scene, 0.0).world_from_object, np.float64)
         matrices[:, :3, 3] -= scene.origin
         try:
             packed = pack.buffers(
-                trees,
-                matrices,
-                scene.instances.mesh,
-                masks(scene, hidden=True),
-                flags=np.where(opaque, 0, NON_OPAQUE),
+                trees, matrices, scene.instances.mesh, masks(scene, hidden=True), flags=_flags(scene)
             )
         except ValueError as error:
             raise SceneError(f"This scene cannot be traced: {error}.") from error
-        self._left_out, self._instances = packed.left_out, len(scene.instances)
+        self._left_out, self._instances, self._slots = packed.left_out, len(scene.instances), packed.slots
         self._runs = [
             (mesh, int(packed.firsts[mesh]), len(trees[mesh].triangles)) for mesh in self._deforming
         ]
@@ -114,6 +109,8 @@ class BvhMemory:
         materials = scene.revision[Change.MATERIALS]
         if data.pages is not self._pages:
             self._make_anew()
+        elif self._seen is not None and materials != self._seen[2]:
+            self._follow_kinds()
         moving = data.records.moving_key(pose)
         key = (moving, scene.revision[Change.VISIBILITY], materials, self._revision)
         posed = self._seen is None or moving != self._seen[0]
@@ -160,7 +157,16 @@ class BvhMemory:
         commands.push(pipeline, np.array(numbers, np.uint32))
         commands.dispatch_over(pipeline, (numbers[1],))
 
-    # --- after an edit of materials that changed streams or the order of triangles ---
+    # --- after an edit of materials ---
+
+    def _follow_kinds(self) -> None:
+        """Tell the kernel which instances are opaque and which let light through, if that has changed."""
+        slots, known = self._slots, self._slots.copy()
+        slots["mask"] = masks(self._scene, hidden=True)[slots["instance"]]
+        slots["flags"] = _flags(self._scene)[slots["instance"]]
+        if (slots != known).any():
+            self._revision += 1
+            self._replace({"slots": np.frombuffer(slots.tobytes(), np.uint8)})
 
     def _make_anew(self) -> None:
         before = self.sizes
@@ -198,6 +204,12 @@ class BvhMemory:
     def close(self) -> None:
         """Free everything; no frame is in flight."""
         raise NotImplementedError
+
+
+def _flags(scene: Scene) -> NDArray[np.uint32]:
+    """Return (I,) the flags of records."""
+    opaque = opaque_materials(scene)[scene.meshes["material"][scene.instances.mesh]]
+    return np.where(opaque, 0, NON_OPAQUE).astype(np.uint32)
 
 
 def _turned(triangles: tuple[NDArray[np.uint32], NDArray[np.float32]]) -> tuple[Any, Any]:
