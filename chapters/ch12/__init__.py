@@ -137,6 +137,7 @@ LESSON = Lesson(
     ),
     plumbing={
         "settings.py": "has one more group of knobs",
+        "cloth/frames.py": "writes cloth that rays may meet",
         "frames/commands.py": "declares how rays are traced",
         "frames/dispatches.py": "traces by work groups; checks the number of rays",
         "frames/vulkan_dispatches.py": "binds and traces ray pipelines",
