@@ -85,7 +85,7 @@ class View:
     cut: bool = False
 
     def __post_init__(self) -> None:
-        # Renderers keep the view of the frame before: a pose that changes in place would make it the view of this frame.
+        # Renderers keep the view of the frame before. A pose that changes in place would turn it into this frame's view.
         pose = np.array(self.world_from_view)
         pose.flags.writeable = False
         object.__setattr__(self, "world_from_view", pose)

@@ -384,7 +384,7 @@ def test_a_skin_whose_pages_are_replaced_has_no_vertices_before(chapter):
         assert_close(seen, *bent_between(FRONT_ASIDE, FRONT, 0.4, 0.25))
 
 
-@pytest.mark.parametrize("taa", ("off", "full"))
+@pytest.mark.parametrize("taa", ["off", "full"])
 def test_a_deforming_surface_is_found_by_the_number_of_its_triangle(chapter, taa):
     """The kernel that resolves materials reads vertices, and no vertices of the frame before."""
     pictures = []
