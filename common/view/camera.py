@@ -85,7 +85,7 @@ class View:
     cut: bool = False
 
     def __post_init__(self) -> None:
-        # Renderers keep the view of the frame before. A pose that changes in place would turn it into this frame's view.
+        # Renderers keep the view of the frame before. A pose that changes in place would make it this frame's view.
         pose = np.array(self.world_from_view)
         pose.flags.writeable = False
         object.__setattr__(self, "world_from_view", pose)
