@@ -203,11 +203,11 @@ def fill_frame_constants(
 ) -> None:
     """Fill one `FrameConstants` record in place, given as a zero-dimensional array.
 
-    `size` is (width, height) in pixels; jitter is in pixels, right and down. Exposures are those of the views
-    unless given (adaptation finds its own). `environment` is (nits of a stored 1, cosine and sine of the turn, last
-    level). `history_share` is the share of this frame in the history of colour. `averaging` is 0, or 1 if that history
-    is the mean of frames that show the same, or 2 if in addition it counts anew as a few frames. `aspect` is that of
-    the finished picture, if its size is another one. The origin is subtracted from the poses in float64, and every product
+    `size` is (width, height) in pixels; jitter is in pixels, right and down. Exposures are those of the views unless
+    given (adaptation finds its own). `environment` is (nits of a stored 1, cosine and sine of the turn, last level).
+    `history_share` is the share of this frame in the history of colour. `averaging` is 0, or 1 if that history is the
+    mean of frames that show the same, or 2 if in addition it counts anew as a few frames. `aspect` is that of the
+    finished picture, if its size is another one. The origin is subtracted from the poses in float64, and every product
     and inverse is made there, so that only finished matrices are rounded to float32.
     """
     width, height = size

@@ -73,7 +73,8 @@ Projection = Perspective | Orthographic
 class View:
     """What one frame shows: everything that a renderer knows about the camera.
 
-    `world_from_view` (4, 4) float64 is rigid; the camera stands at its last column and looks along -z, +y up.
+    `world_from_view` (4, 4) float64 is rigid; the camera stands at its last column and looks along -z, +y up. It is a
+    copy that cannot be written to.
     `cut` says that the view before has nothing to do with this one, so no history may be used. A renderer that finds
     the exposure by itself begins with `ev100`.
     """
@@ -82,6 +83,12 @@ class View:
     projection: Projection = Perspective()
     ev100: float = UNIT_EV100
     cut: bool = False
+
+    def __post_init__(self) -> None:
+        # Renderers keep the view of the frame before. A pose that changes in place would make it this frame's view.
+        pose = np.array(self.world_from_view)
+        pose.flags.writeable = False
+        object.__setattr__(self, "world_from_view", pose)
 
     @property
     def eye(self) -> Float64:

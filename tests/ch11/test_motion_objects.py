@@ -382,3 +382,15 @@ def test_a_skin_whose_pages_are_replaced_has_no_vertices_before(chapter):
         assert not renderer.render(FRONT, 0.25).image("motion").view(np.uint32).any()
         seen = renderer.render(FRONT_ASIDE, 0.4).image("motion")
         assert_close(seen, *bent_between(FRONT_ASIDE, FRONT, 0.4, 0.25))
+
+
+@pytest.mark.parametrize("taa", ["off", "full"])
+def test_a_deforming_surface_is_found_by_the_number_of_its_triangle(chapter, taa):
+    """The kernel that resolves materials reads vertices, and no vertices of the frame before."""
+    pictures = []
+    for surfaces in ("gbuffer", "visibility"):
+        settings = Settings(surfaces=surfaces, graph="deferred", taa=taa, shadows=False)
+        with chapter.open(bending(), (48, 32), settings, outputs={"color"}) as renderer:
+            pictures += [renderer.render(VIEW, time).image("color").astype(int) for time in (0.0, 0.25)]
+    assert np.abs(pictures[0] - pictures[1]).max() > 8
+    assert np.abs(pictures[0] - pictures[2]).max() <= 1 and np.abs(pictures[1] - pictures[3]).max() <= 1

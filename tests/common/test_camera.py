@@ -93,6 +93,16 @@ def test_equal_views():
     assert view != View(pose, Perspective(), 1.0, cut=True) and view != "view"
 
 
+def test_a_pose_does_not_change_behind_the_back_of_a_renderer():
+    """A renderer compares a view with that of the frame before, which it has kept."""
+    pose = np.eye(4)
+    view = View(pose)
+    pose[0, 3] = 1.0
+    assert view == View(np.eye(4))
+    with pytest.raises(ValueError, match="read-only"):
+        view.world_from_view[0, 3] = 1.0
+
+
 @pytest.mark.parametrize("aspect", [16 / 9, 1.0, 0.4])
 def test_a_framed_view_fits_the_bounding_sphere(aspect):
     scene = a_scene(low=(10, 20, 30), high=(14, 24, 34))

@@ -112,7 +112,9 @@ def run(old: Path, new: Path, json_path: Path | None = None, only: Sequence[str]
     for part in only:
         if part not in PARTS:
             raise UserError(
-                f"--only {part}: a bench has no such part{suggest(part, PARTS)}.".replace("?.", "?")
+                f"--only {part}: a bench has no such part{suggest(part, PARTS, len(PARTS))}.".replace(
+                    "?.", "?"
+                )
             )
     found = compare_files(old, new, only)
     if json_path == STDOUT:
