@@ -2,7 +2,9 @@
 // buffer serves every mesh and every vertex format, and nothing has to be bound between two draws.
 
 layout(BIND(1, 0, 4), std430) readonly buffer Words_ { uint words[]; };
-#ifdef PREVIOUS_WORDS  // where vertices deform: the page of the other slot, which the frame before has drawn
+// Where vertices deform: the page of the other slot, which the frame before has drawn. On Vulkan all shaders declare it, so
+// that they share a layout. OpenGL counts a block as used because it is declared, and kernels have other buffers there.
+#if defined(PREVIOUS_WORDS) && (BACKEND_VULKAN == 1 || !defined(COMPUTED))
 layout(BIND(1, 1, 5), std430) readonly buffer Previous_words_ { uint previous_words[]; };
 #endif
 
