@@ -28,7 +28,7 @@ from tools.run.films import FILMS
 from tools.run.live import Live
 from tools.run.opening import Opening, open_scene
 from tools.run.record import STDOUT, Log, triangles
-from tools.run.views import shown_by, with_view
+from tools.run.views import with_view
 from tools.run.watch import until_idle, watch
 
 if TYPE_CHECKING:
