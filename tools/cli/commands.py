@@ -199,6 +199,7 @@ def run(
     import chapters
     from tools.run import films
     from tools.run import run as running
+    from tools.run import views
 
     which = chapters.parse(chapter)
     request = running.Request(
@@ -213,7 +214,7 @@ def run(
         camera=camera,
         path=path,
         quality=quality,
-        overrides=running.shown_by(which, set_ or ()),
+        overrides=views.shown_by(which, set_ or ()),
         view=view,
         without=tuple(without or ()),
         validate=running.validation(which, validate, not no_validate, backend),
