@@ -197,9 +197,8 @@ def run(
 ) -> int:
     """Draw a scene with a chapter's renderer: in a window, or without a display into a file."""
     import chapters
-    from tools.run import films
+    from tools.run import films, views
     from tools.run import run as running
-    from tools.run import views
 
     which = chapters.parse(chapter)
     request = running.Request(
