@@ -89,7 +89,7 @@ STUDY_SETTINGS = {
     "bias-explorer": {"turn": 45.0},
 }
 """Settings with which every driver can draw a study's picture, or it says more."""
-WITH_STUDIES = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11)
+WITH_STUDIES = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12)
 """The chapters that have studies."""
 BY_FIGURES = {"9/shading-rates", "11/dynamic-resolution"}
 """Studies that no software driver draws, or that one frame does not show: a figure shows what they do."""

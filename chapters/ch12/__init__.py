@@ -158,7 +158,6 @@ LESSON = Lesson(
         "visibility/model.py": "tells masked and blended materials",
     },
     missing=(
-        "ray-tracing/buffer-device-address",
         "path-tracer/core",
         "path-tracer/random-streams",
         "path-tracer/environment-alias-table",
