@@ -19,7 +19,8 @@ from common.view.camera import View
 from ..frames.vulkan_commands import Commands
 from ..pipelines.description import Built, Described, PipelineDescription
 from ..pipelines.vulkan_descriptors import Held, Structure
-from ..rays.vulkan_build import BUILD_AFTER_BUILD, INPUT, Bottoms, Geometry
+from ..rays.vulkan_build import BUILD_AFTER_BUILD, INPUT, Bottoms
+from ..rays.vulkan_geometry import Geometry
 from ..rays.vulkan_top import TopLevel, tracing
 from .seen import COUNTS, EYE, PIXEL, SHADERS, eye_of, work
 from .stage_vulkan import Stage

@@ -46,7 +46,8 @@ class BvhMemory:
     """The trees of a scene, from opening to closing. `work` has the counters of the last frame."""
 
     def __init__(self, backend: Any, parts: PassParts) -> None:
-        self._backend, self._scene, self._data = backend, parts.scene, parts.data
+        self._backend, self._scene = backend, parts.scene
+        self._data: Any = parts.data  # that of the backend
         scene = parts.scene
         check_count(len(scene.instances))
         self._deforming = sorted({deformation.mesh for deformation in scene.deformations})

@@ -11,7 +11,7 @@ from ...pipelines.ray_description import HitGroup, RayDescription
 from ...pipelines.vulkan_descriptors import Held
 from ...rays.groups import CLOSEST, MISSES
 from ...rays.model import CULL_DISABLE, FORCE_NO_OPAQUE, FORCE_OPAQUE
-from ...rays.vulkan_build import MeshGeometry
+from ...rays.vulkan_geometry import MeshGeometry
 from ..rays_vulkan import RayStage
 from . import ANY, KERNEL, RAYGEN, STUDY, Settings, defines, hierarchy, mask_words, meshes, normals, told
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ...pipelines.ray_description import HitGroup, RayDescription
 from ...pipelines.vulkan_descriptors import Held
 from ...rays.model import CULL_DISABLE, FORCE_OPAQUE
-from ...rays.vulkan_build import MeshGeometry
+from ...rays.vulkan_geometry import MeshGeometry
 from ..rays_vulkan import RayStage, require
 from . import CALLABLES, CLOSEST, MISS, RAYGEN, STUDY, Settings, defines, faces, triangles
 

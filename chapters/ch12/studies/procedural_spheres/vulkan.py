@@ -7,7 +7,7 @@ from ...pipelines.compute_description import ComputeDescription
 from ...pipelines.description import Described
 from ...pipelines.ray_description import HitGroup, RayDescription
 from ...pipelines.vulkan_descriptors import Held
-from ...rays.vulkan_build import BoxGeometry
+from ...rays.vulkan_geometry import BoxGeometry
 from ..rays_vulkan import RayStage
 from . import CLOSEST, INTERSECTION, KERNEL, MISS, RAYGEN, STUDY, Settings, boxes, defines, spheres, told
 
