@@ -117,9 +117,9 @@ def test_an_empty_queue_draws_nothing(chapter, scene):
     turned = away.world_from_view.copy()
     turned[:3, :3] = turned[:3, :3] @ np.diag((-1.0, 1.0, -1.0))
     turned[:3, 3] += 40.0 * turned[:3, 2]
-    view = type(away)(turned @ np.diag((-1.0, 1.0, -1.0, 1.0)), away.projection)
-    turned = view.world_from_view
+    turned = turned @ np.diag((-1.0, 1.0, -1.0, 1.0))
     turned[:3, 3] -= 80.0 * turned[:3, 2]
+    view = type(away)(turned, away.projection)
     with chapter.open(scene, SIZE, replaced(EXACT, culling="occlusion"), outputs={"instance_id"}) as made:
         frame = made.render(view)
         assert not frame.image("instance_id").any()

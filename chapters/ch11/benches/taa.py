@@ -47,7 +47,7 @@ FRAMES, QUICK_FRAMES = 24, 14
 SETTLED = 10
 """Frames of what will move, before it does."""
 
-MOST_FRAMES = 64
+MOST_FRAMES = 128
 """Frames after which a view at rest is taken as it is, whether it rests or not."""
 
 AT_REST = 8
