@@ -1,4 +1,4 @@
-"""Frames in a row: who is told how long they take, and when."""
+"""Frames in a row: which renderers are told how long their frames take, and when."""
 
 from __future__ import annotations
 
