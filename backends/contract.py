@@ -254,9 +254,10 @@ class PassWork:
 # --- passes -----------------------------------------------------------------------------------------------------------
 
 Use = Literal["color", "depth", "sampled", "storage", "copy", "uniform", "indirect"]
-
 RateUse = Literal["rate"]
 """The use of a mask of shading rates by the rasteriser of a pass that draws. Only some frame graphs know it."""
+RayUse = Literal["structure", "build"]
+"""An acceleration structure that is traced or built, and the input of its build. Only some frame graphs know them."""
 
 
 @dataclass(frozen=True)
@@ -278,7 +279,7 @@ class Access:
     """
 
     resource: str
-    use: Use | RateUse
+    use: Use | RateUse | RayUse
     format: str | None = None
     scale: float = 1.0
     clear: tuple[float, ...] | None = None
@@ -373,8 +374,7 @@ class FrameInfo:
 
     still: bool = False
     """Whether the frame shows what the last one showed, and all subjects rest that do not settle last. False without
-    a subject that settles last.
-    """
+    a subject that settles last."""
 
     settling: bool = False
     """Whether a subject that settles last does not rest: the frame may be drawn for it alone."""

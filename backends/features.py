@@ -70,6 +70,7 @@ OTHER_USES: dict[str, tuple[str, ...]] = {
     "mesh-shader": ("indirect-count", "statistics"),
     "pipeline-statistics": ("after-push-constants",),
     "ray-query": ("fragment",),
+    "ray-tracing": ("libraries",),
     "sparse": ("attachment", "depth-attachment", "cube-array", "plain-image"),
     "texturing": ("edges",),
 }

@@ -59,7 +59,8 @@ class Lesson:
 
     `replaces` names what earlier chapters did and this one no longer does: a feature, a file, or a name in a file as
     "shading/sky.py:SkyPass". `plumbing` are files that the lesson is not about and that had to follow, with the
-    reason.
+    reason. `shows` are settings of `strata run` that its user need not give, as for --set: where the defaults draw
+    what the chapter before draws, they show what is new.
     """
 
     number: int
@@ -73,10 +74,11 @@ class Lesson:
     replaces: Sequence[str] = ()
     plumbing: Mapping[str, str] = field(default_factory=dict, hash=False)
     missing: Sequence[str] = ()
+    shows: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         # Lists are how a chapter writes them; tuples are what a frozen record may hold.
-        for name in ("adds", "sections", "reading", "replaces", "missing"):
+        for name in ("adds", "sections", "reading", "replaces", "missing", "shows"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
         if len(set(self.adds)) != len(self.adds):
             raise ValueError(f"lesson {self.number} adds a feature twice")

@@ -89,7 +89,7 @@ STUDY_SETTINGS = {
     "bias-explorer": {"turn": 45.0},
 }
 """Settings with which every driver can draw a study's picture, or it says more."""
-WITH_STUDIES = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11)
+WITH_STUDIES = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12)
 """The chapters that have studies."""
 BY_FIGURES = {"9/shading-rates", "11/dynamic-resolution"}
 """Studies that no software driver draws, or that one frame does not show: a figure shows what they do."""
@@ -361,6 +361,36 @@ def edges_sheet(
     return np.concatenate(cells, axis=1)
 
 
+RAYS = 12
+"""The chapter whose rays the sheets show."""
+
+
+def rays_sheet(cell: tuple[int, int] = (396, 222)) -> NDArray[Any]:
+    """Return (H, W, 3): the atrium rasterised, and traced by rays."""
+    return np.concatenate([_traced(cell, rays=shown) for shown in ("off", "whole")], axis=1)
+
+
+def ray_views_sheet(cell: tuple[int, int] = (330, 186)) -> NDArray[Any]:
+    """Return (H, W, 3): the atrium by distance, instance, barycentric coordinates, and steps of the traversal."""
+    shown = [
+        _traced(cell, rays="whole", ray_view=name)
+        for name in ("distance", "instance", "barycentrics", "steps")
+    ]
+    return np.concatenate([np.concatenate(row, axis=1) for row in (shown[:2], shown[2:])])
+
+
+def _traced(cell: tuple[int, int], **turned: Any) -> NDArray[Any]:
+    settings: Any = replaced(preset(chapters.settings_class(RAYS), "medium"), **turned)
+    size = (2 * cell[0], 2 * cell[1])
+    with chapters.open(
+        RAYS, "auto", scene=load_scene(locate("atrium")), size=size, settings=settings
+    ) as renderer:
+        view = chapters.view_of(renderer)
+        for _ in range(4):  # pages of shadow maps come with the second frame
+            frame = renderer.render(view)
+        return halved(frame.image("color"))
+
+
 def pyramid_sheet(cell: tuple[int, int] = (330, 186), shown: Sequence[int] = (0, 3, 5)) -> NDArray[Any]:
     """Return (H, W, 3): a street, and levels of its depth pyramid, each texel over the pixels below it."""
     settings: Any = preset(chapters.settings_class(CULLING), "medium")
@@ -403,6 +433,8 @@ SHEETS = {
     "ch09-atrium": rates_sheet,
     "ch10-atrium": fog_sheet,
     "ch11-atrium": edges_sheet,
+    "ch12-atrium": rays_sheet,
+    "ch12-views": ray_views_sheet,
 }
 
 
@@ -417,6 +449,8 @@ COVERS: dict[str, int] = {
     "ch09-atrium": RATES,
     "ch10-atrium": FOG,
     "ch11-atrium": TAA,
+    "ch12-atrium": RAYS,
+    "ch12-views": RAYS,
 }
 """The chapter that draws a sheet; GRAPH for the others."""
 

@@ -59,6 +59,11 @@ KNOWN: tuple[tuple[str, str, str], ...] = (
         "the software driver crashes when it begins to count compute invocations after push constants for compute "
         "and before a compute pipeline is bound",
     ),
+    (
+        "llvmpipe",
+        "ray-tracing/libraries",
+        "the software driver gives no push constants to ray pipelines that are linked from libraries",
+    ),
 )
 
 

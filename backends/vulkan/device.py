@@ -126,6 +126,8 @@ class Device:
             bits |= set(vf.OPTIONAL[feature].bits)
         beside = {bit for bit, features in vf.BESIDE.items() if features <= self.features}
         bits |= beside & self.physical.bits
+        more = {name for name, features in vf.EXTRA_EXTENSIONS.items() if features <= self.features}
+        enabled |= more & self.physical.extensions
         missing = sorted(enabled - self.physical.extensions)
         if missing:
             raise DeviceError(f"The device '{self.physical.name}' lacks the extension {missing[0]}.")

@@ -266,7 +266,7 @@ def test_a_moved_camera_writes_one_record(chapter):
         (lambda e: e.set_transform(2, matrix=translated(z=1.0)), 2 * INSTANCE + LIGHTS),
         (lambda e: e.set_material(0, replace(MATTE, base_color=(0, 1, 0, 1))), 2 * packing.MATERIAL.itemsize),
         (lambda e: e.set_light(0, replace(SUN, color=(1.0, 0.5, 0.0))), LIGHTS),
-        (lambda e: e.set_visible(1, False), DRAW),
+        (lambda e: e.set_visible(1, False), 2 * INSTANCE + DRAW),
     ],
     ids=["object", "mirror", "lamp", "materials", "lights", "visibility"],
 )

@@ -150,6 +150,25 @@ GIVEN_FROM_11 = {
     "RAW": 2,
     "SPLIT_AT": 0.5,
 }
+GIVEN_FROM_12 = {
+    "RAYS_SET": 4,
+    "RAYS_BINDING": 0,
+    "BVH_LEAF": "2147483648u",
+    "BVH_COUNT_SHIFT": "29u",
+    "BVH_NO_CHILD": "4294967295u",
+    "BVH_NON_OPAQUE": "1u",
+    "BVH_STACK": 32,
+    "BVH_NODES_AT": "BIND(3, 0, 5)",
+    "BVH_TRIANGLES_AT": "BIND(3, 1, 6)",
+    "BVH_INSTANCES_AT": "BIND(3, 2, 7)",
+    "BOUNCES": 2,
+    "MIRROR": 0.2,
+    "RAY_VIEW": 0,
+    "MASKED_FLAG": 128,
+    "BLENDED_FLAG": 256,
+    "TARGET_BINDING": 3,
+}
+RAY_STAGES = (".rgen", ".rchit", ".rahit", ".rmiss", ".rint", ".rcall")
 GIVEN_IN: dict[str, dict[str, int | float | str | None]] = {
     "ssao": {"STEP": "ivec2(1, 0)"},
     "rates": {
@@ -160,6 +179,14 @@ GIVEN_IN: dict[str, dict[str, int | float | str | None]] = {
         "KEPT": 11,
     },  # a radius is a condition here
     "shading_rates": {"COLUMNS": 8, "ROWS": 6, "BY_PRIMITIVE": 1},
+    "bvh": {
+        "BVH_LEAF": "2147483648u",
+        "BVH_COUNT_SHIFT": "29u",
+        "BVH_NO_CHILD": "4294967295u",
+        "BVH_NON_OPAQUE": "1u",
+        "BVH_UNUSABLE": "1u",
+        "BVH_STACK": 76,
+    },
     "transparency": {"STEP": 1},
     "separable_bloom": {"TAPS": ", ".join(["1.0"] * 11), "AXIS": 0},
     "linear_depth": {"CARDS": 7, "NEAREST": 1.5, "FLOOR": 1.0, "STANDARD": 0},
@@ -178,6 +205,7 @@ GIVEN_IN: dict[str, dict[str, int | float | str | None]] = {
     "fog": {"FOG": 1, "NOISE_SIZE": 64, "RADIUS": None},  # a radius is a constant here
     "taa": {"KERNEL_RADIUS": 1.25, "WEIGHT_BEFORE": 2.0, "IMAGE": 1},
     "blue_noise": {"SIZE": 128, "WAYS": 3, "KINDS": 6, "NOISES": 3, "IMAGES": 9},
+    "rays": {"ROLE_ARRAYS": "uint[5](0u, 0u, 0u, 0u, 0u)"},
     "hdr_swapchain": {
         "ENCODING": 0,
         "HDR10": 0,
@@ -191,6 +219,7 @@ GIVEN_IN: dict[str, dict[str, int | float | str | None]] = {
         "REC_709_FROM_2020": "1.0",
     },
     "phase_functions": {"OCTAVES": 32, "NODES": 16, "POINTS": 512, "LOBES": 8},
+    "any_hit_alpha": {"TEXELS": 64},
 }
 """The same in folders of chapters 7 to 11, whose things of these names are others; None where it is not given."""
 VIEWS = 13
@@ -214,6 +243,7 @@ def built(path, defines):
         (GIVEN_FROM_9, "ch09"),
         (GIVEN_FROM_10, "ch10"),
         (GIVEN_FROM_11, "ch11"),
+        (GIVEN_FROM_12, "ch12"),
         *((it, "ch07") for folder, it in GIVEN_IN.items() if folder in own),
     ]
     host: dict[str, int | float | str | None] = {}
@@ -222,14 +252,18 @@ def built(path, defines):
     given = {name: value for name, value in host.items() if value is not None}
     given |= {name: value for name, value in defines.items() if own[-2] not in GIVEN_IN or name not in given}
     own_text = path.read_text("utf-8")
-    mesh = ["GL_EXT_mesh_shader"] if path.suffix in (".task", ".mesh") else []
+    needs = ["GL_EXT_mesh_shader"] if path.suffix in (".task", ".mesh") else []
+    if path.suffix in RAY_STAGES:
+        needs = ["GL_EXT_ray_tracing"]
+    elif "RAYS_QUERY" in defines:
+        needs = ["GL_EXT_ray_query"]
     return shader_text.build(
         path,
         "vulkan",
         roots=[ROOT.joinpath(*own[:2])] if own[0] == "chapters" else (),
         defines={name: value for name, value in given.items() if f"#define {name} " not in own_text},
         snippets=SNIPPETS,
-        extensions=["GL_EXT_nonuniform_qualifier", *mesh],
+        extensions=["GL_EXT_nonuniform_qualifier", *needs],
     )
 
 

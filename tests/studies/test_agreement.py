@@ -13,7 +13,7 @@ from common.paths import ROOT
 from tests.support.drivers import needs_feature
 from tests.support.gl_functions import assert_silent
 
-WITH_STUDIES = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11)
+WITH_STUDIES = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12)
 ALL = tuple(f"{number}/{name}" for number in WITH_STUDIES for name in studies.available(number))
 ONE_BACKEND = {
     "4/barriers": ("vulkan",),
@@ -73,6 +73,7 @@ def test_studies_are_small_and_each_follows_the_one_before():
         (9, 2),
         (10, 3),
         (11, 2),
+        (12, 4),
     ):
         order = [about.order for about in studies.available(number).values()]
         assert order[:first] == list(range(1, first + 1)) and len(set(order)) == len(order)

@@ -22,6 +22,8 @@ READ_IN = {
     "uniform": ("", "uniform"),
     "indirect": ("", "indirect"),
     "rate": ("rate", "rate_read"),
+    "structure": ("", "structure_read"),
+    "build": ("", "build_input"),
 }
 """Layout and access of what a pass reads, by the word it declares (Vulkan specification, "Image Layouts")."""
 
@@ -30,8 +32,12 @@ WRITTEN_IN = {
     "depth": ("depth", ("depth_read", "depth_write"), ()),
     "storage": ("general", ("storage_write",), ("storage_read",)),
     "copy": ("copy_target", ("copy_write",), ()),
+    "structure": ("", ("structure_write",), ("structure_read",)),
 }
 """Layout and accesses of what a pass writes, and those that come with wanting what was there before."""
+
+OF_RAYS = ("rgen", "rmiss", "rchit", "rahit", "rint", "rcall")
+"""Shaders of ray pipelines, which run in one stage (Vulkan specification, "Pipeline Stages")."""
 
 
 class Truth:
@@ -177,7 +183,9 @@ class Truth:
 
     def _use(self, node: Any, resource: str, access: Access, writes: bool) -> Use:
         shaders = access.stages or (("fragment",) if node.kind == "graphics" else ("compute",))
+        shaders = tuple("rays" if stage in OF_RAYS else stage for stage in shaders)
         fixed = {"color": "color", "depth": "depth", "copy": "copy", "indirect": "indirect", "rate": "rate"}
+        fixed["build"] = "build"
         stages = (fixed[access.use],) if access.use in fixed else shaders
         if writes:
             layout, kinds, before = WRITTEN_IN[access.use]
@@ -322,8 +330,9 @@ def _pairs(touch: Any) -> frozenset[tuple[str, str]]:
         "indirect": {"indirect"},
         "rate": {"rate_read"},
         "host": {"host_read"},
+        "build": {"build_input", "structure_read", "structure_write"},
     }
-    shader = {"sampled", "storage_read", "storage_write", "uniform"}
+    shader = {"sampled", "storage_read", "storage_write", "uniform", "structure_read"}
     return frozenset(
         (stage, access) for stage in touch.stages for access in touch.access & able.get(stage, shader)
     )

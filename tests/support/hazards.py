@@ -41,9 +41,13 @@ ALL_STAGES = (
     "task",
     "mesh",
     "rate",
+    "build",
+    "rays",
 )
 CHANGE = "change"
-WRITES = frozenset({"color_write", "depth_write", "storage_write", "copy_write", "host_write", CHANGE})
+WRITES = frozenset(
+    {"color_write", "depth_write", "storage_write", "copy_write", "host_write", "structure_write", CHANGE}
+)
 """The kinds of access that write; every other one reads. A change of layout writes, too."""
 
 Range = tuple[int, int, int]

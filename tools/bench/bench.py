@@ -28,7 +28,7 @@ from tools.bench import readback as bench_readback
 from tools.bench import threads as bench_threads
 from tools.bench.lessons import bench
 from tools.bench.lessons import loads as bench_loads
-from tools.bench.lessons.parts import DRAWN, FOG, HISTORY, PARTS, RATES, SHADOWS, parts_of
+from tools.bench.lessons.parts import DRAWN, FOG, HISTORY, PARTS, RATES, SHADOWS, TRACING, parts_of
 from tools.bench.points import Subject
 from tools.bench.report import can_plot, plot, show
 from tools.cli.console import Steps, err, out, say
@@ -247,7 +247,7 @@ def measure(
             framed["transparency"] = bench("transparency").measure(subject, effort, within(0.978, 0.979))
         if "hdr" in parts:
             framed["hdr"] = bench("hdr").measure(subject, effort, within(0.979, 0.98))
-        for part, module in (SHADOWS | RATES | FOG | HISTORY).items():
+        for part, module in (SHADOWS | RATES | FOG | HISTORY | TRACING).items():
             if part in parts:
                 framed[part] = bench(module).measure(subject, effort, within(0.98, 0.98, f"{part},"))
         if "stability" in parts:

@@ -406,6 +406,17 @@ def _taa(made: dict[str, Any]) -> Iterator[Row]:
         yield _point("time", one["mode"]), _times(one, "taa_ms", "motion_ms")
 
 
+def _rays(made: dict[str, Any]) -> Iterator[Row]:
+    held = made.get("rays") or {"rows": (), "builds": (), "refits": ()}
+    for one in held["rows"]:
+        errors = _errors({"t_error": one["t_error"]}) | _work(one, "differ")
+        yield _point(one["scene"], f"{one['rays']} rays", one["way"]), _times(one, "ms") | errors
+    for one in held["builds"]:
+        yield _point(one["scene"], "build", one["way"]), _times(one, "ms") | _work(one, "bytes")
+    for one in held["refits"]:
+        yield _point(one["scene"], one["what"], one["way"]), _times(one, "ms") | _work(one, "dispatches")
+
+
 PARTS = {
     "settings": _settings,
     "prepared": _prepared,
@@ -441,5 +452,6 @@ PARTS = {
     "constants": _constants,
     "fog": _fog,
     "taa": _taa,
+    "rays": _rays,
 }
 """How the points of each part of a bench are found in its record."""

@@ -47,6 +47,7 @@ FRAME_PARTS = {
     "constants": "constants",
     "fog": "fog",
     "taa": "taa",
+    "rays": "rays",
 }
 """The parts of chapters whose frame is a graph, and the benches of lessons that show and draw them."""
 

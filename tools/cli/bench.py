@@ -59,7 +59,7 @@ def bench(
             help="That part alone, repeatable: settings, prepared, start, stability, scales, pipelines, threads, "
             "loads, readback, graph, prepass, gbuffer, cloth, drift, async, pacing, culling, ideal, meshlets, lods, "
             "lights, surfaces, occlusion, transparency, hdr, memory, filters, cascades, caching, casters, "
-            "rates, constants, fog, taa.",
+            "rates, constants, fog, taa, rays.",
             show_default=False,
         ),
     ] = None,

@@ -197,7 +197,7 @@ def run(
 ) -> int:
     """Draw a scene with a chapter's renderer: in a window, or without a display into a file."""
     import chapters
-    from tools.run import films
+    from tools.run import films, views
     from tools.run import run as running
 
     which = chapters.parse(chapter)
@@ -213,7 +213,7 @@ def run(
         camera=camera,
         path=path,
         quality=quality,
-        overrides=tuple(set_ or ()),
+        overrides=views.shown_by(which, set_ or ()),
         view=view,
         without=tuple(without or ()),
         validate=running.validation(which, validate, not no_validate, backend),

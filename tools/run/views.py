@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -41,3 +42,12 @@ def with_view(settings: S, which: Which, name: str | None) -> S:
         near = suggest(name, known, shown=len(known))
         raise UserError(f"There is no view {name!r}{near}" + ("" if near.endswith("?") else "."))
     return replaced(settings, view=name)
+
+
+def shown_by(which: Which, overrides: Sequence[str]) -> tuple[str, ...]:
+    """Return the settings of a run: those that the lesson shows, unless --set names them, and those of --set."""
+    if isinstance(which, str):
+        return tuple(overrides)
+    given = {override.partition("=")[0].strip() for override in overrides}
+    shows = chapters.lesson(which).shows
+    return (*(it for it in shows if it.partition("=")[0] not in given), *overrides)

@@ -115,6 +115,11 @@ BESIDE: dict[tuple[str, str], frozenset[str]] = {
     (MESH, "primitiveFragmentShadingRateMeshShader"): frozenset({"shading-rate", "mesh-shader"}),
 }
 
+EXTRA_EXTENSIONS: dict[str, frozenset[str]] = {
+    # Enabled where they are there, beside features that they add to.
+    "VK_KHR_pipeline_library": frozenset({"ray-tracing"}),
+}
+
 STRUCT_EXTENSIONS = {
     MESH: "VK_EXT_mesh_shader",
     ACCELERATION: "VK_KHR_acceleration_structure",

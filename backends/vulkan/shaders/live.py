@@ -34,8 +34,13 @@ class Stages:
 
     @property
     def by_stage(self) -> dict[str, bytes]:
-        """The SPIR-V of each stage by its name."""
-        return {source.stage: code for source, code in zip(self.sources, self.codes, strict=True)}
+        """The SPIR-V of each stage by its name, with a number where a pipeline of rays has several of one stage."""
+        names = [source.stage for source in self.sources]
+        places = [
+            f" {names[:place].count(name)}" if name in names[:place] else ""
+            for place, name in enumerate(names)
+        ]
+        return {name + place: code for name, place, code in zip(names, places, self.codes, strict=True)}
 
 
 def compile_stages(sources: Sequence[Sequence[ShaderSource]], keep: bool = True) -> list[Stages]:

@@ -72,7 +72,7 @@ class Records:
         """Write what changed since this slot was used last; return the bytes written."""
         scene, written = self._scene, 0
         revisions = scene.revision
-        key = self.moving_key(pose)
+        key = self.moving_key(pose), revisions[Change.VISIBILITY]  # a record says whether it is shown
         if slot.written.get("instances") != (key, "settled"):
             records = packing.pack_instances(scene, pose, self._previous_pose)
             slot.instances.view(records.dtype)[: len(records)] = records

@@ -33,6 +33,7 @@ CHAPTERS = {
     "constants": 9,
     "fog": 10,
     "taa": 11,
+    "rays": 12,
 }
 """The chapter whose `benches/` has the module."""
 

@@ -28,6 +28,9 @@ FOG = {"fog": "fog"}
 HISTORY = {"taa": "taa"}
 """The part about histories of colour, and its bench."""
 
+TRACING = {"rays": "rays"}
+"""The part about rays, and its bench."""
+
 PARTS = {
     "settings": "time and error of presets and knobs",
     "prepared": "what is made before the first frame",
@@ -63,6 +66,7 @@ PARTS = {
     "constants": "loops of a constant length, and what building their pipelines takes",
     "fog": "what grids and filters of fog cost, and how far they are from single scattering",
     "taa": "what modes of temporal anti-aliasing leave of errors, ghosts and flicker",
+    "rays": "rays a second by each way and by Embree, their hits, and what builds cost",
 }
 """What a bench measures; a chapter may lack any of those that come after `stability`, and `prepared`."""
 
@@ -84,6 +88,7 @@ DRAWN = {
     *RATES,
     *FOG,
     *HISTORY,
+    *TRACING,
     "settings",
     "prepared",
     "scales",
@@ -130,6 +135,7 @@ def parts_of(which: chapters.Whole, api: str, only: Sequence[str] = ()) -> tuple
         *((part, "rate_policy") for part in RATES),
         *((part, "fog_columns") for part in FOG),
         *((part, "taa") for part in HISTORY),
+        *((part, "ray_way") for part in TRACING),
     ):
         if not hasattr(settings_class, names) and names not in knobs(settings_class):
             missing[part] = f"{spoken} names none in its settings ({names})"

@@ -37,6 +37,9 @@ PARTS = {
     "ch09-mask": (9, ("rates/model.py",)),
     "ch11-jitter": (11, ("taa/jitter.py",)),
     "ch11-rest": (11, ("taa/jitter.py", "taa/model.py")),
+    "ch12-levels": (12, ("rays/bvh/build.py", "rays/bvh/morton.py")),
+    "ch12-walk": (12, ("rays/bvh/build.py",)),
+    "ch12-table": (12, ("pipelines/vulkan_rays.py", "rays/groups.py")),
 }
 """The same where figures show data of a few files, of all figures of a chapter or of one."""
 

@@ -1,0 +1,1 @@
+"""The benches of this lesson, for `strata bench`."""

@@ -1,0 +1,1 @@
+"""Frames in flight: slots, commands, resources, timings, and readback of images."""

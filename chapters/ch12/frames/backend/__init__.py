@@ -1,0 +1,1 @@
+"""The backends of the renderer: one interface, with an implementation for each API."""

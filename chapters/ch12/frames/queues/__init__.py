@@ -1,0 +1,1 @@
+"""Queues and timelines: submissions to queues, and waits between them."""

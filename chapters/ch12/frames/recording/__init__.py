@@ -1,0 +1,1 @@
+"""Recording of draws: in parts, on several threads, and for repeated submission."""

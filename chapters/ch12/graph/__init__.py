@@ -1,0 +1,1 @@
+"""The frame graph: declared passes, compiled into a frame."""

@@ -1,0 +1,1 @@
+"""Execution of a compiled graph on each backend."""

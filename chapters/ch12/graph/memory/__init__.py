@@ -1,0 +1,1 @@
+"""The images and buffers of a graph, and their places in memory."""

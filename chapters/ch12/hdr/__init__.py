@@ -1,0 +1,1 @@
+"""High dynamic range: the exposure that the GPU finds, and bloom."""

@@ -1,0 +1,1 @@
+"""Casters that move: which ones, and the faces that they touch."""

@@ -1,0 +1,1 @@
+"""From shaders to pipelines: layouts, descriptors, caches."""

@@ -1,0 +1,1 @@
+"""The declarations of compiled shaders: a parser of SPIR-V."""

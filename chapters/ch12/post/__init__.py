@@ -1,0 +1,1 @@
+"""What follows shading: resolve, lens and tone mapping."""

@@ -1,0 +1,36 @@
+// Whether a ray stops at a surface that is not opaque. Every way of tracing asks this function.
+//
+// A masked surface is there where its alpha reaches the cutoff. A blended surface stops the share alpha of all rays: a
+// hash of pixel, instance and triangle decides, so the answer depends on neither the order of candidates nor the way.
+
+#ifdef NON_OPAQUE
+#include "rays/surface.glsl"
+#include "palette.glsl"
+
+#ifdef RAYS_PIPELINE
+#define INVOCATION gl_LaunchIDEXT.xy
+#else
+#define INVOCATION gl_GlobalInvocationID.xy
+#endif
+#ifdef TILED
+#include "rays/tile.glsl"
+#define RAY_ID (INVOCATION + tile.first.xy)
+#else
+#define RAY_ID INVOCATION
+#endif
+
+bool accept(Hit hit) {
+    Instance instance = instance_of(hit.instance);
+    Material material = materials[instance.material];
+    uint flags = uint(material.uv_rows[1].w);
+    if ((flags & uint(MASKED_FLAG | BLENDED_FLAG)) == 0u) {
+        return true;
+    }
+    float alpha = alpha_of(hit, instance, material);
+    if ((flags & uint(MASKED_FLAG)) != 0u) {
+        return alpha >= material.emissive.a;
+    }
+    uint drawn = scrambled(scrambled((RAY_ID.x | RAY_ID.y << 16) ^ hit.instance) ^ hit.primitive);
+    return alpha > float(drawn >> 8) * (1.0 / 16777216.0);
+}
+#endif

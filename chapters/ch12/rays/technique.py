@@ -1,0 +1,71 @@
+"""Rays outside of their passes: the way that finds hits, and the structures of the scene."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from backends.contract import FrameInfo, Pass, Technique
+from common.scene import Scene
+
+from ..cloth.passes import ClothPass
+from ..frames.backend.backend import Backend
+from ..scene.pass_parts import PassParts
+from ..settings import Settings
+from . import picture
+from .passes import RayPicturePass, Structures, StructuresPass
+from .tiles import TileCount
+
+
+class RayTechnique(Technique):
+    """Chooses the way of tracing, and builds what it traverses."""
+
+    name = "rays"
+
+    def __init__(self, scene: Scene, settings: Settings) -> None:
+        super().__init__(scene, settings)
+        self._structures: Structures | None = None
+        self._tiles = TileCount()
+
+    def create(self, parts: PassParts, backend: Backend, passes: Mapping[str, Pass]) -> None:
+        """Make the passes, and the structures if they are in use."""
+        build, trace = StructuresPass(parts), RayPicturePass(parts)
+        self.passes = {build.name: build, trace.name: trace}
+        if not picture.in_use(parts.scene, parts.settings):
+            return
+        self._backend, self._settings, self._trace = backend, parts.settings, trace
+        way = picture.chosen_way(parts.settings, backend.plan)
+        package = f"{__package__}.bvh" if way == picture.BVH else __package__
+        self._structures = structures = backend.part(package).open_structures(backend, parts)
+        hanging = passes["cloth"]
+        assert isinstance(hanging, ClothPass)
+        cloth = hanging.frames is not None
+        if hanging.frames is not None:
+            hanging.frames.everywhere = True
+        for gpu_pass in (build, trace):
+            gpu_pass.structures = structures
+            gpu_pass.follow(way, structures.sizes, cloth)
+
+    def prepare(self, frame: FrameInfo) -> int:
+        """Let the structures follow what has moved; return the bytes written."""
+        if self._structures is None:
+            return 0
+        cloth = any(gpu_pass.name == "cloth" and not gpu_pass.resting for gpu_pass in frame.passes)
+        written = self._structures.prepare(frame.slot, frame.pose, cloth)
+        self._trace.tiles = self._follow_time(frame)
+        self.work = {**self._structures.work, "ray_tiles": self._trace.tiles}
+        return written
+
+    def _follow_time(self, frame: FrameInfo) -> int:
+        """Return the number of tiles, by the time of the last frame of the slot, which is over."""
+        tiles, frames = self._tiles, self._backend.frames
+        if not tiles.count:
+            rays = picture.most_rays(self.scene, self._settings, frame.size)
+            tiles.begin(rays, self._backend.device.capabilities.is_software)
+        elif frames.number > len(frames.slots) and tiles.is_due():  # drivers compile in the first frame
+            tiles.follow(self._backend.timings(frames.slots[frame.slot]).get(self._trace.name, 0.0))
+        return tiles.count
+
+    def close(self) -> None:
+        """Free the structures."""
+        if self._structures is not None:
+            self._structures.close()

@@ -1,0 +1,1 @@
+"""Scenes that open faster the second time: arrays in one mapped file."""

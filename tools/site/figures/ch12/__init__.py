@@ -1,0 +1,17 @@
+"""Figures of chapter 12: two levels, a walk through a hierarchy, edges, offsets, the binding table."""
+
+from __future__ import annotations
+
+from tools.site.figures.ch12.edges import edges_by_arithmetic
+from tools.site.figures.ch12.levels import two_levels
+from tools.site.figures.ch12.offsets import offsets_by_distance
+from tools.site.figures.ch12.table import binding_table
+from tools.site.figures.ch12.walk import walk_of_a_ray
+
+FIGURES = {
+    "ch12-levels": two_levels,
+    "ch12-walk": walk_of_a_ray,
+    "ch12-edges": edges_by_arithmetic,
+    "ch12-offsets": offsets_by_distance,
+    "ch12-table": binding_table,
+}
