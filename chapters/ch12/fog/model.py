@@ -44,8 +44,8 @@ VIEWS = ("fog-slices", "fog-transmittance")
 
 
 def wanted(settings: Any) -> bool:
-    """Whether the settings allow fog: in the picture and in its views; other views show surfaces alone."""
-    return bool(settings.fog.fog and settings.shading.view in ("picture", *VIEWS))
+    """Whether the settings allow froxels: in the picture and in its views; other views show surfaces alone."""
+    return bool(settings.fog.fog and not settings.paths.path_tracer and settings.shading.view in ("picture", *VIEWS))
 
 
 def medium_of(scene: Scene, knobs: FogSettings) -> Medium:

@@ -1,11 +1,15 @@
 // Whether a ray stops at a surface that is not opaque. Every way of tracing asks this function.
 //
 // A masked surface is there where its alpha reaches the cutoff. A blended surface stops the share alpha of all rays: a
-// hash of pixel, instance and triangle decides, so the answer depends on neither the order of candidates nor the way.
+// hash of pixel, instance and triangle decides, so the answer depends on neither the order of candidates nor the way. Rays
+// of the path tracer have a hash of their own each (paths/ray_seed.glsl).
 
 #ifdef NON_OPAQUE
 #include "rays/surface.glsl"
 #include "palette.glsl"
+#ifdef PATHS
+#include "paths/ray_seed.glsl"
+#endif
 
 #ifdef RAYS_PIPELINE
 #define INVOCATION gl_LaunchIDEXT.xy
@@ -30,7 +34,12 @@ bool accept(Hit hit) {
     if ((flags & uint(MASKED_FLAG)) != 0u) {
         return alpha >= material.emissive.a;
     }
-    uint drawn = scrambled(scrambled((RAY_ID.x | RAY_ID.y << 16) ^ hit.instance) ^ hit.primitive);
+#ifdef PATHS
+    uint seed = path_ray_seed();
+#else
+    const uint seed = 0u;
+#endif
+    uint drawn = scrambled(scrambled((RAY_ID.x | RAY_ID.y << 16) ^ hit.instance ^ seed) ^ hit.primitive);
     return alpha > float(drawn >> 8) * (1.0 / 16777216.0);
 }
 #endif

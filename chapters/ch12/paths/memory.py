@@ -1,0 +1,69 @@
+"""What paths read besides the scene: a block for each slot, and the tables; `vulkan.py` and `gl.py` create them."""
+
+from __future__ import annotations
+
+import struct
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.errors import SceneError
+
+from ..frames.frame import SLOTS
+from .model import CELLS, Tables
+from .passes import BLOCK_BYTES, FRAME, TABLES
+
+BLOCK = struct.Struct("=4I4I4f")
+"""The block of paths/frame.glsl, BLOCK_BYTES long."""
+
+
+class PathMemory:
+    """Blocks and tables, bound to the pass by the names of the graph."""
+
+    def __init__(self, backend: Any, tables: Tables) -> None:
+        self._backend = backend
+        self.blocks = [self._create_block(BLOCK_BYTES, f"paths, slot {slot}") for slot in range(SLOTS)]
+        self._mapped = [block.view(np.uint8).data for block in self.blocks]
+        self.tables: Any = self._create_tables(tables.words)
+        self._room = tables.words.nbytes
+        for resources, block in zip(backend.copies.also, self.blocks, strict=True):
+            resources |= {TABLES: self.tables, FRAME: block}
+        self._tables = tables
+
+    def follow(self, tables: Tables) -> None:
+        """Have other tables from now on. Raises SceneError if they are larger than the first ones."""
+        if tables.words.nbytes > self._room:
+            raise SceneError(
+                "An edit gave this scene more emissive triangles: open the renderer again to trace it."
+            )
+        self._tables = tables
+        self._write_tables(self.tables, tables.words)
+
+    def write(
+        self, slot: int, first: int, count: int, goes_on: bool, seed: int, towards_environment: float
+    ) -> int:
+        """Write the block of a slot; return the bytes written."""
+        BLOCK.pack_into(
+            self._mapped[slot],
+            0,
+            *(first & 0xFFFFFFFF, count, int(goes_on), seed),
+            *self._tables.places,
+            *(towards_environment, float(CELLS), 0.0, 0.0),
+        )
+        return BLOCK_BYTES
+
+    def _create_block(self, size: int, name: str) -> Any:
+        """Return a buffer that the CPU writes and shaders read."""
+        raise NotImplementedError
+
+    def _create_tables(self, words: NDArray[np.uint32]) -> Any:
+        """Return a buffer of the device with this content."""
+        raise NotImplementedError
+
+    def _write_tables(self, buffer: Any, words: NDArray[np.uint32]) -> None:
+        """Write other content into it, after frames in flight."""
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """Free everything."""

@@ -1,0 +1,190 @@
+// A path tracer: light that reaches the eye along random paths (Kajiya 1986, "The Rendering Equation"). The mean of many paths
+// through a pixel is its light.
+//
+// A path begins at the eye and is reflected at each surface that it hits, in a direction drawn in proportion to what the surface
+// reflects. At each surface it also sends rays towards light (paths/lights.glsl). Sums of all paths stay in an image.
+//
+// Like rays/picture.glsl this text is one function of the number of a pixel in its tile, for every way of tracing.
+
+#include "paths/lights.glsl"
+#include "camera_ray.glsl"
+#include "finite.glsl"
+#include "rays/tile.glsl"
+#include "rays/trace.glsl"
+
+layout(BIND(3, PATH_BINDING, 0), rgba32f) uniform readonly image2D sums_before;
+layout(BIND(3, PATH_BINDING + 3, 1), rgba32f) uniform writeonly image2D history_paths;  // rgb: sums in nits, a: paths
+layout(BIND(3, PATH_BINDING + 4, 2), FORMAT) uniform writeonly image2D color_traced;
+
+// Unlit surfaces are pictures that only the eye sees: they are no light, and all other rays pass through them.
+const uint SEEN = 0xffu, SOLID = 3u;
+
+// Blended surfaces decide by a number of the ray; the shaders of a ray pipeline find it themselves.
+void begin_ray(Ray ray) {
+#if defined(NON_OPAQUE) && !defined(RAYS_PIPELINE)
+    path_seed = seed_of_ray(ray.origin, ray.direction);
+#endif
+}
+
+Hit trace_path(Ray ray, uint mask) {
+    begin_ray(ray);
+    return trace(ray, mask);
+}
+
+bool path_occluded(Ray ray) {
+    begin_ray(ray);
+    return occluded(ray, SOLID);
+}
+
+bool two_sided(uint instance) {
+    return (uint(materials[instance_of(instance).material].uv_rows[1].w) & uint(DOUBLE_SIDED_FLAG)) != 0u;
+}
+
+// What arrives along a ray of the eye that hits nothing.
+vec3 background_along(vec3 direction) {
+#ifdef BACKGROUND
+    return vec3(BACKGROUND);
+#else
+    return environment_along(direction);
+#endif
+}
+
+// What arrives along a reflected ray that hits nothing, where it was drawn with density `pdf`.
+vec3 surroundings_along(vec3 direction, float pdf) {
+    vec3 light = frame.ambient.rgb * exposure();
+#ifdef ENVIRONMENT
+#if STRATEGY == 0
+    float own = power_heuristic(pdf, environment_pdf(turned_back(direction, frame.environment.yz)));
+#else
+    float own = float(STRATEGY == 1);
+#endif
+    light += own * environment_along(direction);
+#endif
+    return light;
+}
+
+// The part of the light of an emissive surface that counts for a reflected ray, which was drawn with density `pdf`.
+float emission_share(Hit hit, Surface s, vec3 direction, float pdf) {
+#if !defined(EMITTERS) || STRATEGY == 1
+    return 1.0;
+#elif STRATEGY == 0
+    return power_heuristic(pdf, emitter_pdf_of(hit, direction, s.flat_normal));
+#else
+    return 0.0;
+#endif
+}
+
+Bsdf bsdf_at(Surface s, vec3 view) {
+#if defined(ENVIRONMENT) && ENERGY != 0
+    float n_dot_v = min(abs(dot(s.normal, view)), 1.0);
+    vec2 uv = table_uv(n_dot_v, s.roughness, float(textureSize(environment_table, 0).y));
+    return bsdf_of(s.base_color, s.metallic, s.roughness, textureLod(environment_table, uv, 0.0).rgb, ENERGY);
+#else
+    float n_dot_v = min(abs(dot(s.normal, view)), 1.0);
+    return bsdf_of(s.base_color, s.metallic, s.roughness, albedo_fit(n_dot_v, s.roughness), ENERGY_GLTF);
+#endif
+}
+
+// The light that arrives at the eye along a ray, by one path.
+vec3 light_of_path(Ray ray, Random random) {
+    vec3 color = vec3(0.0), carried = vec3(1.0);
+    float pdf = 0.0;  // of the direction of the ray, where a surface reflected it
+    int bounce = 0;
+    while (true) {
+        bool from_eye = bounce == 0;
+        Hit hit = trace_path(ray, from_eye ? SEEN : SOLID);
+        if (hit.instance == NO_HIT) {
+            return color + carried * (from_eye ? background_along(ray.direction) : surroundings_along(ray.direction, pdf));
+        }
+        Surface s = surface_at(hit, ray.direction);
+        bool behind = (hit.flags & HIT_BACK) != 0u && !two_sided(hit.instance);
+        if (behind && from_eye) {  // backs are not drawn, either
+            ray.t_min = hit.t;
+            continue;
+        }
+        s.normal = behind ? -s.normal : s.normal;
+        if (!behind && s.emission != vec3(0.0)) {
+            color += carried * s.emission * (from_eye ? 1.0 : emission_share(hit, s, ray.direction, pdf));
+        }
+        if (!s.lit || bounce >= BOUNCES) {
+            return color;
+        }
+        vec3 view = -ray.direction;
+        Bsdf bsdf = bsdf_at(s, view);
+        random.pair = PAIR_BOUNCE + PAIRS * uint(bounce);
+        vec2 choice = random_2d(random), u = random_2d(random);
+        uint rays = 0u;
+#ifdef LIT
+        rays = ONE_LIGHT == 1 ? min(light_count.x, 1u) : light_count.x;
+#endif
+        uint lights = rays;
+#ifdef TOWARDS_LIGHT
+        ++rays;
+#endif
+        for (uint i = 0u; i < rays; ++i) {
+            LightRay towards = NO_RAY;
+#ifdef LIT
+            if (i < lights) {
+#if ONE_LIGHT == 1
+                towards = ray_to_one_light(s, bsdf, view, pcg(random.state));
+#else
+                towards = ray_to_light(i, s, bsdf, view);
+#endif
+            }
+#endif
+#ifdef TOWARDS_LIGHT
+            if (i >= lights) {
+                towards = ray_to_light_of_tables(s, bsdf, view, random);
+            }
+#endif
+            if (towards.value != vec3(0.0) && !path_occluded(towards.ray)) {
+                color += carried * towards.value;
+            }
+        }
+        BsdfSample next = bsdf_sample(vec3(choice.x, u), bsdf, s.normal, view);
+        carried *= next.weight;
+        if (carried == vec3(0.0) || dot(next.direction, s.flat_normal) <= 0.0) {
+            return color;
+        }
+        pdf = next.pdf;
+        ++bounce;
+#ifdef ROULETTE
+        // The path goes on with the probability of what it carries, and then stands for those that ended (Arvo and Kirk 1990).
+        if (bounce > ROULETTE) {
+            float stays = min(max(carried.r, max(carried.g, carried.b)), 1.0);
+            if (choice.y >= stays) {
+                return color;
+            }
+            carried /= stays;
+        }
+#endif
+        ray = Ray(ray_origin(s.at, next.direction), 0.0, next.direction, FAR);
+    }
+}
+
+void run(uvec3 id) {
+    ivec2 size = imageSize(color_traced), pixel = ivec2(id.xy + tile.first.xy);
+    if (any(greaterThanEqual(pixel, size))) {
+        return;
+    }
+    vec4 sum = path.samples.z != 0u ? imageLoad(sums_before, pixel) : vec4(0.0);
+    vec4 own = vec4(0.0);
+    for (uint i = 0u; i < path.samples.y; ++i) {
+        uint number = path.samples.x + i;
+        Random random = random_of(uvec2(pixel), uint(size.x), number, path.samples.w);
+#ifdef BOX
+        vec2 place = random_2d(random);
+#else
+        const vec2 place = vec2(0.5);
+#endif
+        CameraRay seen = camera_ray(
+            (vec2(pixel) + place) / vec2(size), frame.view_from_clip, frame.world_from_view, frame.orthographic != 0u);
+        vec3 light = light_of_path(Ray(seen.origin, 0.0, seen.direction, FAR), random) / exposure();
+        if (all(lessThan(abs(light), vec3(FAR)))) {  // neither NaN nor infinite
+            own += vec4(light, 1.0);
+        }
+    }
+    sum += own;
+    imageStore(history_paths, pixel, sum);
+    imageStore(color_traced, pixel, vec4(finite_color(sum.rgb * (exposure() / max(sum.a, 1.0))), 1.0));
+}

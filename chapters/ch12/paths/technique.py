@@ -1,0 +1,88 @@
+"""Paths outside of their pass: which paths a frame traces, when sums begin anew, and the tables of light."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from backends.contract import FrameInfo, Pass, Technique
+from common.scene import Change, Scene
+
+from ..frames.backend.backend import Backend
+from ..scene.pass_parts import PassParts
+from ..settings import Settings
+from . import model
+from .memory import PathMemory
+from .passes import PathsPass
+
+
+class PathTechnique(Technique):
+    """Sums the paths of frames that show the same, until there are `path_limit` for each pixel.
+
+    Sums begin anew with the first frame that shows anything else.
+    """
+
+    name = "paths"
+
+    def __init__(self, scene: Scene, settings: Settings) -> None:
+        super().__init__(scene, settings)
+        self._knobs = settings.paths
+        self.settles_last = model.in_use(scene, settings)
+        self._memory: PathMemory | None = None
+        self._count = 0
+        self._reset = True
+        self._seen: Any = None
+
+    def create(self, parts: PassParts, backend: Backend, passes: Mapping[str, Pass]) -> None:
+        """Make the tables if paths are traced. The pass is one of those of rays."""
+        if not model.in_use(parts.scene, parts.settings):
+            return
+        trace = passes[PathsPass.name]
+        assert isinstance(trace, PathsPass)
+        self._scene = parts.scene
+        lit = model.has_environment(parts.scene, parts.settings)
+        self._around = model.environment_entries(parts.scene.environment if lit else None)
+        tables = self._tables()
+        self._memory = backend.part(__package__).PathMemory(backend, tables)
+        trace.hold(tables.words.nbytes)
+
+    def _tables(self) -> model.Tables:
+        revision = self._scene.revision
+        self._seen = revision[Change.MATERIALS], revision[Change.VISIBILITY]
+        tables = model.tables(self._scene, self._around)
+        both = bool(tables.environment and tables.emitters)
+        self._towards_environment = 0.5 if both else float(tables.environment > 0)
+        return tables
+
+    def prepare(self, frame: FrameInfo) -> int:
+        """Write which paths the frame traces; return the bytes written."""
+        if self._memory is None:
+            return 0
+        knobs, revision = self._knobs, self._scene.revision
+        if self._seen != (revision[Change.MATERIALS], revision[Change.VISIBILITY]):
+            self._memory.follow(self._tables())
+        if self._reset or not frame.still:
+            self._count, self._reset = 0, False
+        first = self._count
+        count = (
+            min(knobs.path_samples, knobs.path_limit - first) if knobs.path_average else knobs.path_samples
+        )
+        self._count += count
+        self.work = {"path_samples": self._count, "path_new_samples": count}
+        goes_on = knobs.path_average and first > 0
+        return self._memory.write(
+            frame.slot, knobs.path_first + first, count, goes_on, knobs.path_seed, self._towards_environment
+        )
+
+    def resting(self, time: float) -> bool:
+        """Whether each pixel has all of its paths."""
+        return self._memory is None or self._count >= self._knobs.path_limit
+
+    def reset(self, reason: str) -> None:
+        """Begin the sums anew."""
+        self._reset = True
+
+    def close(self) -> None:
+        """Free the memory."""
+        if self._memory is not None:
+            self._memory.close()
