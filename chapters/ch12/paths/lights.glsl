@@ -36,14 +36,14 @@ LightRay ray_to_light(uint number, Surface s, Bsdf bsdf, vec3 view) {
 
 // A ray to one light. It is drawn in proportion to what the lights would add without shadows, so that without shadows the
 // sum is exact: weighted reservoir sampling (Chao 1982), with a random number for each light.
-LightRay ray_to_one_light(Surface s, Bsdf bsdf, vec3 view, uint bits) {
+LightRay ray_to_one_light(Surface s, Bsdf bsdf, vec3 view, inout uint state) {
     LightRay kept = NO_RAY;
     float sum = 0.0, own = 0.0;
     for (uint i = 0u; i < light_count.x; ++i) {
         LightRay ray = ray_to_light(i, s, bsdf, view);
         float weight = luminance(ray.value);
         sum += weight;
-        if (weight > 0.0 && unit_float(pcg(bits)) * sum < weight) {
+        if (weight > 0.0 && pcg_float(state) * sum < weight) {
             kept = ray;
             own = weight;
         }
@@ -53,13 +53,9 @@ LightRay ray_to_one_light(Surface s, Bsdf bsdf, vec3 view, uint bits) {
 }
 #endif
 
-// The density of a direction that was drawn for reflection, weighed against that with which rays to light have it.
+// The weight of a ray towards light with density `own`, where reflected rays have that direction with density `other`.
 float weight_of(float own, float other) {
-#if STRATEGY == 0
-    return power_heuristic(own, other);
-#else
-    return 1.0;
-#endif
+    return path.knobs.z == STRATEGY_MIS ? power_heuristic(own, other) : 1.0;
 }
 
 #ifdef ENVIRONMENT
@@ -169,7 +165,7 @@ LightRay ray_to_emitter(Surface s, Bsdf bsdf, vec3 view, uvec2 bits, vec2 u) {
 }
 #endif
 
-#ifdef TOWARDS_LIGHT
+#if defined(ENVIRONMENT) || defined(EMITTERS)
 LightRay ray_to_light_of_tables(Surface s, Bsdf bsdf, vec3 view, inout Random random) {
     uvec2 choice = random_bits(random), bits = random_bits(random);
     vec2 u = random_2d(random);

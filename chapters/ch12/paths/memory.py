@@ -14,7 +14,7 @@ from ..frames.frame import SLOTS
 from .model import CELLS, Tables
 from .passes import BLOCK_BYTES, FRAME, TABLES
 
-BLOCK = struct.Struct("=4I4I4f")
+BLOCK = struct.Struct("=4I4I4I4f")
 """The block of paths/frame.glsl, BLOCK_BYTES long."""
 
 
@@ -41,14 +41,19 @@ class PathMemory:
         self._write_tables(self.tables, tables.words)
 
     def write(
-        self, slot: int, first: int, count: int, goes_on: bool, seed: int, towards_environment: float
+        self,
+        slot: int,
+        samples: tuple[int, int, int, int],
+        knobs: tuple[int, int, int, int],
+        towards_environment: float,
     ) -> int:
-        """Write the block of a slot; return the bytes written."""
+        """Write the block of a slot, by the members of paths/frame.glsl; return the bytes written."""
         BLOCK.pack_into(
             self._mapped[slot],
             0,
-            *(first & 0xFFFFFFFF, count, int(goes_on), seed),
+            *samples,
             *self._tables.places,
+            *knobs,
             *(towards_environment, float(CELLS), 0.0, 0.0),
         )
         return BLOCK_BYTES

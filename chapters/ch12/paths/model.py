@@ -23,7 +23,7 @@ from common.scene.pose import evaluate_pose
 
 from ..environment import model as environment
 from ..shading.views import PICTURE
-from .settings import Strategy
+from .settings import PathSettings, Strategy
 
 Defines = tuple[tuple[str, int | float | str], ...]
 
@@ -56,23 +56,17 @@ def emits(scene: Scene) -> NDArray[np.bool_]:
     return shown
 
 
-def path_defines(scene: Scene, settings: Any) -> Defines:
+def path_defines(scene: Scene) -> Defines:
     """Return the defines of paths.glsl besides those of rays/picture.py."""
-    knobs = settings.paths
+    return ("PATHS", 1), *((("EMITTERS", 1),) * bool(emits(scene).any()))
+
+
+def knob_words(knobs: PathSettings) -> tuple[int, int, int, int]:
+    """Return what shaders are told of the knobs (`path.knobs`); the bits are those of paths/frame.glsl."""
+    bits = knobs.path_lights == "one", knobs.path_sequence == "sobol", knobs.path_filter == "box"
     strategy = get_args(Strategy).index(knobs.path_strategy)
-    emitters = bool(emits(scene).any())
-    towards = knobs.path_strategy != "bsdf" and (emitters or has_environment(scene, settings))
-    return (
-        ("PATHS", 1),
-        ("BOUNCES", int(knobs.path_bounces)),
-        ("STRATEGY", strategy),
-        ("ONE_LIGHT", int(knobs.path_lights == "one")),
-        *((("TOWARDS_LIGHT", 1),) * towards),
-        *((("EMITTERS", 1),) * emitters),
-        *((("SOBOL", 1),) * (knobs.path_sequence == "sobol")),
-        *((("BOX", 1),) * (knobs.path_filter == "box")),
-        *((("ROULETTE", int(knobs.path_roulette)),) * (knobs.path_roulette < knobs.path_bounces)),
-    )
+    flags = sum(on << place for place, on in enumerate(bits))
+    return int(knobs.path_bounces), int(knobs.path_roulette), strategy, flags
 
 
 # --- tables ---

@@ -26,7 +26,7 @@ SUMS = "history_paths"
 TABLES, FRAME = "path_tables", "path_frame"
 """The tables by which rays are sent towards light, and what paths of a frame are told."""
 
-BLOCK_BYTES = 48
+BLOCK_BYTES = 64
 """Bytes of the block of a frame (paths/frame.glsl)."""
 
 
@@ -76,7 +76,7 @@ class PathsPass(RayPicturePass):
         energy = ENERGIES.index(settings.environment.energy)
         return (
             *picture.surface_defines(scene, settings, self._draws.used),
-            *model.path_defines(scene, settings),
+            *model.path_defines(scene),
             *((("ENVIRONMENT", 1), ("ENERGY", energy)) if sky else ()),
             ("PATH_BINDING", self._behind_structures()),
         )

@@ -44,20 +44,23 @@ bool two_sided(uint instance) {
 vec3 background_along(vec3 direction) {
 #ifdef BACKGROUND
     return vec3(BACKGROUND);
-#else
+#elif defined(ENVIRONMENT)
     return environment_along(direction);
+#else
+    return vec3(0.0);
 #endif
+}
+
+// The part of light that counts for a reflected ray with density `own`, where rays towards light have density `other`.
+float share_of(float own, float other) {
+    return path.knobs.z == STRATEGY_MIS ? power_heuristic(own, other) : float(path.knobs.z == STRATEGY_BSDF);
 }
 
 // What arrives along a reflected ray that hits nothing, where it was drawn with density `pdf`.
 vec3 surroundings_along(vec3 direction, float pdf) {
     vec3 light = frame.ambient.rgb * exposure();
 #ifdef ENVIRONMENT
-#if STRATEGY == 0
-    float own = power_heuristic(pdf, environment_pdf(turned_back(direction, frame.environment.yz)));
-#else
-    float own = float(STRATEGY == 1);
-#endif
+    float own = share_of(pdf, environment_pdf(turned_back(direction, frame.environment.yz)));
     light += own * environment_along(direction);
 #endif
     return light;
@@ -65,12 +68,10 @@ vec3 surroundings_along(vec3 direction, float pdf) {
 
 // The part of the light of an emissive surface that counts for a reflected ray, which was drawn with density `pdf`.
 float emission_share(Hit hit, Surface s, vec3 direction, float pdf) {
-#if !defined(EMITTERS) || STRATEGY == 1
-    return 1.0;
-#elif STRATEGY == 0
-    return power_heuristic(pdf, emitter_pdf_of(hit, direction, s.flat_normal));
+#ifdef EMITTERS
+    return share_of(pdf, emitter_pdf_of(hit, direction, s.flat_normal));
 #else
-    return 0.0;
+    return 1.0;
 #endif
 }
 
@@ -106,33 +107,29 @@ vec3 light_of_path(Ray ray, Random random) {
         if (!behind && s.emission != vec3(0.0)) {
             color += carried * s.emission * (from_eye ? 1.0 : emission_share(hit, s, ray.direction, pdf));
         }
-        if (!s.lit || bounce >= BOUNCES) {
+        if (!s.lit || bounce >= int(path.knobs.x)) {
             return color;
         }
         vec3 view = -ray.direction;
         Bsdf bsdf = bsdf_at(s, view);
         random.pair = PAIR_BOUNCE + PAIRS * uint(bounce);
         vec2 choice = random_2d(random), u = random_2d(random);
-        uint rays = 0u;
+        uint lights = 0u, rays = 0u;
 #ifdef LIT
-        rays = ONE_LIGHT == 1 ? min(light_count.x, 1u) : light_count.x;
+        bool one = (path.knobs.w & PATH_ONE_LIGHT) != 0u;
+        lights = rays = one ? min(light_count.x, 1u) : light_count.x;
 #endif
-        uint lights = rays;
-#ifdef TOWARDS_LIGHT
-        ++rays;
+#if defined(ENVIRONMENT) || defined(EMITTERS)
+        rays += uint(path.knobs.z != STRATEGY_BSDF);
 #endif
         for (uint i = 0u; i < rays; ++i) {
             LightRay towards = NO_RAY;
 #ifdef LIT
             if (i < lights) {
-#if ONE_LIGHT == 1
-                towards = ray_to_one_light(s, bsdf, view, pcg(random.state));
-#else
-                towards = ray_to_light(i, s, bsdf, view);
-#endif
+                towards = one ? ray_to_one_light(s, bsdf, view, random.state) : ray_to_light(i, s, bsdf, view);
             }
 #endif
-#ifdef TOWARDS_LIGHT
+#if defined(ENVIRONMENT) || defined(EMITTERS)
             if (i >= lights) {
                 towards = ray_to_light_of_tables(s, bsdf, view, random);
             }
@@ -148,16 +145,14 @@ vec3 light_of_path(Ray ray, Random random) {
         }
         pdf = next.pdf;
         ++bounce;
-#ifdef ROULETTE
         // The path goes on with the probability of what it carries, and then stands for those that ended (Arvo and Kirk 1990).
-        if (bounce > ROULETTE) {
+        if (bounce > int(path.knobs.y)) {
             float stays = min(max(carried.r, max(carried.g, carried.b)), 1.0);
             if (choice.y >= stays) {
                 return color;
             }
             carried /= stays;
         }
-#endif
         ray = Ray(ray_origin(s.at, next.direction), 0.0, next.direction, FAR);
     }
 }
@@ -172,11 +167,8 @@ void run(uvec3 id) {
     for (uint i = 0u; i < path.samples.y; ++i) {
         uint number = path.samples.x + i;
         Random random = random_of(uvec2(pixel), uint(size.x), number, path.samples.w);
-#ifdef BOX
         vec2 place = random_2d(random);
-#else
-        const vec2 place = vec2(0.5);
-#endif
+        place = (path.knobs.w & PATH_BOX) != 0u ? place : vec2(0.5);
         CameraRay seen = camera_ray(
             (vec2(pixel) + place) / vec2(size), frame.view_from_clip, frame.world_from_view, frame.orthographic != 0u);
         vec3 light = light_of_path(Ray(seen.origin, 0.0, seen.direction, FAR), random) / exposure();

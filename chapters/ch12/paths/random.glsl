@@ -1,7 +1,8 @@
-// The random numbers of a path: independent ones, or with SOBOL points of a sequence that covers the square evenly.
+// The random numbers of a path: independent ones, or with PATH_SOBOL points of a sequence that covers the square evenly.
 //
 // Each use has a pair of dimensions of its own (see `PAIR_*`): the lens and each reflection begin at a fixed one.
 
+#include "paths/frame.glsl"
 #include "sobol.glsl"
 
 const uint PAIR_PIXEL = 0u;
@@ -21,12 +22,11 @@ Random random_of(uvec2 pixel, uint width, uint number, uint seed) {
 }
 
 uvec2 random_bits(inout Random random) {
-#ifdef SOBOL
-    return sobol_bits(random.index, random.pair++, random.seed);
-#else
+    if ((path.knobs.w & PATH_SOBOL) != 0u) {
+        return sobol_bits(random.index, random.pair++, random.seed);
+    }
     uint first = pcg(random.state);
     return uvec2(first, pcg(random.state));
-#endif
 }
 
 vec2 random_2d(inout Random random) {

@@ -32,6 +32,7 @@ class PathTechnique(Technique):
         self._count = 0
         self._reset = True
         self._seen: Any = None
+        self._drawn: Any = None
 
     def create(self, parts: PassParts, backend: Backend, passes: Mapping[str, Pass]) -> None:
         """Make the tables if paths are traced. The pass is one of those of rays."""
@@ -61,8 +62,9 @@ class PathTechnique(Technique):
         knobs, revision = self._knobs, self._scene.revision
         if self._seen != (revision[Change.MATERIALS], revision[Change.VISIBILITY]):
             self._memory.follow(self._tables())
-        if self._reset or not frame.still:
+        if self._reset or not frame.still or self._state() != self._drawn:
             self._count, self._reset = 0, False
+        self._drawn = self._state()
         first = self._count
         count = (
             min(knobs.path_samples, knobs.path_limit - first) if knobs.path_average else knobs.path_samples
@@ -70,13 +72,20 @@ class PathTechnique(Technique):
         self._count += count
         self.work = {"path_samples": self._count, "path_new_samples": count}
         goes_on = knobs.path_average and first > 0
-        return self._memory.write(
-            frame.slot, knobs.path_first + first, count, goes_on, knobs.path_seed, self._towards_environment
-        )
+        samples = (knobs.path_first + first) & 0xFFFFFFFF, count, int(goes_on), knobs.path_seed
+        words = model.knob_words(knobs)
+        return self._memory.write(frame.slot, samples, words, self._towards_environment)
+
+    def _state(self) -> tuple[Any, ...]:
+        """Return the knobs that paths depend on; all of them can be set while frames are drawn."""
+        knobs = self._knobs
+        return knobs.path_average, knobs.path_first, knobs.path_seed, model.knob_words(knobs)
 
     def resting(self, time: float) -> bool:
         """Whether each pixel has all of its paths."""
-        return self._memory is None or self._count >= self._knobs.path_limit
+        if self._memory is None:
+            return True
+        return self._count >= self._knobs.path_limit and self._state() == self._drawn
 
     def reset(self, reason: str) -> None:
         """Begin the sums anew."""
