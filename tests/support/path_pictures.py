@@ -85,11 +85,6 @@ def z_scores(pictures: Float64, truth: ArrayLike = 0.0, block: int = 4) -> Float
     return np.asarray(np.sign(mean - expected) * away / np.maximum(error, 0.01 * floor))
 
 
-def difference(some: Float64, other: Float64) -> Float64:
-    """Return the runs of one picture minus those of another one, for `z_scores` of the difference from 0."""
-    return np.asarray(some - other)
-
-
 def assert_agrees(z: Float64) -> None:
     """Hold scores to those of independent errors: none far away, and their mean square near 1 at most."""
     assert np.isfinite(z).all()

@@ -7,6 +7,7 @@
 // Like rays/picture.glsl this text is one function of the number of a pixel in its tile, for every way of tracing.
 
 #include "paths/lights.glsl"
+#include "paths/ray_seed.glsl"
 #include "camera_ray.glsl"
 #include "finite.glsl"
 #include "rays/tile.glsl"
@@ -22,7 +23,7 @@ const uint SEEN = 0xffu, SOLID = 3u;
 // Blended surfaces decide by a number of the ray; the shaders of a ray pipeline find it themselves.
 void begin_ray(Ray ray) {
 #if defined(NON_OPAQUE) && !defined(RAYS_PIPELINE)
-    path_seed = seed_of_ray(ray.origin, ray.direction);
+    path_seed = seed_of_ray(ray.origin, ray.direction, ray.t_min);
 #endif
 }
 
@@ -88,6 +89,7 @@ Bsdf bsdf_at(Surface s, vec3 view) {
 
 // The light that arrives at the eye along a ray, by one path.
 vec3 light_of_path(Ray ray, Random random) {
+    float begin = ray.t_min;  // next to 0 (paths/ray_seed.glsl)
     vec3 color = vec3(0.0), carried = vec3(1.0);
     float pdf = 0.0;  // of the direction of the ray, where a surface reflected it
     int bounce = 0;
@@ -134,6 +136,7 @@ vec3 light_of_path(Ray ray, Random random) {
                 towards = ray_to_light_of_tables(s, bsdf, view, random);
             }
 #endif
+            towards.ray.t_min = begin;
             if (towards.value != vec3(0.0) && !path_occluded(towards.ray)) {
                 color += carried * towards.value;
             }
@@ -153,7 +156,7 @@ vec3 light_of_path(Ray ray, Random random) {
             }
             carried /= stays;
         }
-        ray = Ray(ray_origin(s.at, next.direction), 0.0, next.direction, FAR);
+        ray = Ray(ray_origin(s.at, next.direction), begin, next.direction, FAR);
     }
 }
 
@@ -171,7 +174,7 @@ void run(uvec3 id) {
         place = (path.knobs.w & PATH_BOX) != 0u ? place : vec2(0.5);
         CameraRay seen = camera_ray(
             (vec2(pixel) + place) / vec2(size), frame.view_from_clip, frame.world_from_view, frame.orthographic != 0u);
-        vec3 light = light_of_path(Ray(seen.origin, 0.0, seen.direction, FAR), random) / exposure();
+        vec3 light = light_of_path(Ray(seen.origin, path_begin(i), seen.direction, FAR), random) / exposure();
         if (all(lessThan(abs(light), vec3(FAR)))) {  // neither NaN nor infinite
             own += vec4(light, 1.0);
         }
