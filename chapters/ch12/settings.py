@@ -162,7 +162,7 @@ class Settings(Grouped):
         "taa taa_share taa_average taa_velocity taa_history taa_filter taa_constraint taa_gamma taa_weight taa_ycocg "
         "taa_tolerance taa_reactive taa_format taa_scale jitter jitter_period mip_bias steady_uv "
         "rays ray_split ray_way ray_view ray_shadows ray_mirror ray_bounces "
-        "path_tracer path_samples path_limit path_average path_first path_seed path_bounces path_roulette "
+        "path_tracer path_samples path_limit path_error path_average path_first path_seed path_bounces path_roulette "
         "path_strategy path_lights path_sequence path_filter "
         "skip_unused"
     )

@@ -53,7 +53,7 @@ def test_layers_cover_what_is_behind_them_by_their_alpha(chapter, filter):
 
 
 def ground_and(*above):
-    """Return a ground below a point light, with squares of 2 metres at height 1: a material and the way that it faces."""
+    """Return a ground below a point light, with squares of 2 metres at height 1: materials, and where they face."""
     # Not above the middle: rays through the diagonal of a square would meet both of its triangles.
     lamp, pose = point((0.07, 2.0, -0.03), candela=20.0)
     facing = [placed((0, 1, 0), (2, 2), (0, up, 0)) for _, up in above]
@@ -103,7 +103,10 @@ def test_backs_are_seen_through_and_cast_shadows(chapter):
     with opened(chapter, ground_and((plain, -1)), **DIRECT) as renderer:
         seen = light(renderer, beside)
     at = np.abs(places(beside)).max(axis=-1)
-    shadow, lit = at < 1.75, at > 2.25  # the square at half the lamp's height casts a shadow of twice its size
+    shadow, lit = (
+        at < 1.75,
+        at > 2.25,
+    )  # the square at half the lamp's height casts a shadow of twice its size
     assert shadow.sum() > 50 and lit.sum() > 30
     assert not seen[shadow].any() and np.abs(seen - free)[lit].max() < 1e-5 * free.max()
 

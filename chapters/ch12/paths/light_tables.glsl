@@ -8,7 +8,7 @@
 #include "paths/frame.glsl"
 #include "alias.glsl"
 
-layout(BIND(3, PATH_BINDING + 1, 8), std430) readonly buffer Path_tables_ { uvec4 path_tables[]; };
+layout(BIND(3, PATH_BINDING + 2, 8), std430) readonly buffer Path_tables_ { uvec4 path_tables[]; };
 
 const uint NO_LIGHT = 0xFFFFFFFFu;
 

@@ -8,14 +8,17 @@
 
 #include "paths/lights.glsl"
 #include "paths/ray_seed.glsl"
+#include "paths/error.glsl"
 #include "camera_ray.glsl"
 #include "finite.glsl"
 #include "rays/tile.glsl"
 #include "rays/trace.glsl"
 
-layout(BIND(3, PATH_BINDING, 0), rgba32f) uniform readonly image2D sums_before;
-layout(BIND(3, PATH_BINDING + 3, 1), rgba32f) uniform writeonly image2D history_paths;  // rgb: sums in nits, a: paths
-layout(BIND(3, PATH_BINDING + 4, 2), FORMAT) uniform writeonly image2D color_traced;
+layout(BIND(3, PATH_BINDING, 0), rgba32f) uniform readonly image2D paths_before;
+layout(BIND(3, PATH_BINDING + 1, 1), rgba32f) uniform readonly image2D squares_before;
+layout(BIND(3, PATH_BINDING + 4, 2), rgba32f) uniform writeonly image2D history_paths;    // rgb: sums in nits, a: paths
+layout(BIND(3, PATH_BINDING + 5, 3), rgba32f) uniform writeonly image2D history_squares;  // x: of luminance; y: paths left out
+layout(BIND(3, PATH_BINDING + 6, 4), FORMAT) uniform writeonly image2D color_traced;
 
 // Unlit surfaces are pictures that only the eye sees: they are no light, and all other rays pass through them.
 const uint SEEN = 0xffu, SOLID = 3u;
@@ -160,14 +163,36 @@ vec3 light_of_path(Ray ray, Random random) {
     }
 }
 
+// Whether the pixels around one, a block of 4 x 4, have paths enough. All of a block say the same.
+bool is_done(ivec2 pixel, ivec2 size) {
+    if (path.choice.z == 0.0) {
+        return false;
+    }
+    ivec2 first = pixel & ~3, end = min(first + 4, size);
+    float sum = 0.0;
+    for (int y = first.y; y < end.y; ++y) {
+        for (int x = first.x; x < end.x; ++x) {
+            vec4 paths = imageLoad(paths_before, ivec2(x, y));
+            if (paths.a < LEAST_PATHS) {
+                return false;
+            }
+            sum += relative_error2(paths, imageLoad(squares_before, ivec2(x, y)).x, exposure());
+        }
+    }
+    ivec2 sides = end - first;
+    return sum <= path.choice.z * float(sides.x * sides.y);
+}
+
 void run(uvec3 id) {
     ivec2 size = imageSize(color_traced), pixel = ivec2(id.xy + tile.first.xy);
     if (any(greaterThanEqual(pixel, size))) {
         return;
     }
-    vec4 sum = path.samples.z != 0u ? imageLoad(sums_before, pixel) : vec4(0.0);
-    vec4 own = vec4(0.0);
-    for (uint i = 0u; i < path.samples.y; ++i) {
+    bool goes_on = path.samples.z != 0u;
+    vec4 sum = goes_on ? imageLoad(paths_before, pixel) : vec4(0.0), own = vec4(0.0);
+    vec2 squares = goes_on ? imageLoad(squares_before, pixel).xy : vec2(0.0), own_squares = vec2(0.0);
+    uint count = goes_on && is_done(pixel, size) ? 0u : path.samples.y;
+    for (uint i = 0u; i < count; ++i) {
         uint number = path.samples.x + i;
         Random random = random_of(uvec2(pixel), uint(size.x), number, path.samples.w);
         vec2 place = random_2d(random);
@@ -175,11 +200,17 @@ void run(uvec3 id) {
         CameraRay seen = camera_ray(
             (vec2(pixel) + place) / vec2(size), frame.view_from_clip, frame.world_from_view, frame.orthographic != 0u);
         vec3 light = light_of_path(Ray(seen.origin, path_begin(i), seen.direction, FAR), random) / exposure();
-        if (all(lessThan(abs(light), vec3(FAR)))) {  // neither NaN nor infinite
+        float seen2 = luminance(light) * luminance(light);
+        if (all(lessThan(abs(vec4(light, seen2)), vec4(FAR)))) {  // neither NaN nor infinite
             own += vec4(light, 1.0);
+            own_squares.x += seen2;
+        } else {
+            own_squares.y += 1.0;
         }
     }
     sum += own;
+    squares += own_squares;
     imageStore(history_paths, pixel, sum);
+    imageStore(history_squares, pixel, vec4(squares, 0.0, 0.0));
     imageStore(color_traced, pixel, vec4(finite_color(sum.rgb * (exposure() / max(sum.a, 1.0))), 1.0));
 }

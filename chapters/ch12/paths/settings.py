@@ -44,6 +44,14 @@ class PathSettings:
     path_seed: int = knob(
         0, "number of the random sequence of all paths", minimum=0, maximum=2**31, live=True
     )
+    path_error: float = knob(
+        0.0,
+        "estimated standard error, relative to the light, at which blocks of 4x4 pixels get no further paths; 0: all "
+        "get path_limit. Stopping by what was drawn makes the mean a little wrong",
+        minimum=0,
+        maximum=1,
+        live=True,
+    )
     path_bounces: int = knob(
         8,
         "reflections of a path at most; 0: what emits light is seen, and nothing is lit",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -13,7 +14,7 @@ from ..scene.pass_parts import PassParts
 from ..settings import Settings
 from . import model
 from .memory import PathMemory
-from .passes import PathsPass
+from .passes import PathsPass, TellPass
 
 
 class PathTechnique(Technique):
@@ -33,9 +34,12 @@ class PathTechnique(Technique):
         self._reset = True
         self._seen: Any = None
         self._drawn: Any = None
+        self._size = (1, 1)
 
     def create(self, parts: PassParts, backend: Backend, passes: Mapping[str, Pass]) -> None:
-        """Make the tables if paths are traced. The pass is one of those of rays."""
+        """Make the tables if paths are traced. The pass that traces is one of those of rays."""
+        tell = TellPass(parts)
+        self.passes = {tell.name: tell}
         if not model.in_use(parts.scene, parts.settings):
             return
         trace = passes[PathsPass.name]
@@ -46,6 +50,7 @@ class PathTechnique(Technique):
         tables = self._tables()
         self._memory = backend.part(__package__).PathMemory(backend, tables)
         trace.hold(tables.words.nbytes)
+        tell.finish = self._memory.finish
 
     def _tables(self) -> model.Tables:
         revision = self._scene.revision
@@ -60,6 +65,7 @@ class PathTechnique(Technique):
         if self._memory is None:
             return 0
         knobs, revision = self._knobs, self._scene.revision
+        self._size = frame.size
         if self._seen != (revision[Change.MATERIALS], revision[Change.VISIBILITY]):
             self._memory.follow(self._tables())
         if self._reset or not frame.still or self._state() != self._drawn:
@@ -74,12 +80,33 @@ class PathTechnique(Technique):
         goes_on = knobs.path_average and first > 0
         samples = (knobs.path_first + first) & 0xFFFFFFFF, count, int(goes_on), knobs.path_seed
         words = model.knob_words(knobs)
-        return self._memory.write(frame.slot, samples, words, self._towards_environment)
+        return self._memory.write(frame.slot, samples, words, (self._towards_environment, knobs.path_error))
 
     def _state(self) -> tuple[Any, ...]:
         """Return the knobs that paths depend on; all of them can be set while frames are drawn."""
         knobs = self._knobs
         return knobs.path_average, knobs.path_first, knobs.path_seed, model.knob_words(knobs)
+
+    @property
+    def tells(self) -> bool:
+        """Whether paths are traced: then the GPU sums their errors."""
+        return self._memory is not None
+
+    def told(self, slot: int) -> dict[str, int]:
+        """Return what is known of a frame's picture.
+
+        path_error_ppm   the mean of squared relative errors of its pixels, under the root, in millionths
+        path_total       paths of all pixels
+        path_left_out    paths whose light was no number, or infinite
+        """
+        assert self._memory is not None, "it tells"
+        errors, paths, left_out, *_ = self._memory.told(slot).tolist()
+        pixels = self._size[0] * self._size[1]
+        return {
+            "path_error_ppm": round(1e6 * math.sqrt(max(errors, 0.0) / pixels)),
+            "path_total": round(paths),
+            "path_left_out": round(left_out),
+        }
 
     def resting(self, time: float) -> bool:
         """Whether each pixel has all of its paths."""

@@ -29,6 +29,16 @@ class PathMemory(_PathMemory):
         self._fill(buffer, words)
         return buffer
 
+    def _create_told(self, size: int, name: str) -> Buffer:
+        resources, usage = self._backend.resources, vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT
+        buffer: Buffer = resources.buffers.get(resources.buffer(size, usage, "readback", name))
+        return buffer
+
+    def _read(self, buffer: Buffer) -> NDArray[np.float32]:
+        assert buffer.allocation is not None, "the CPU reads it"
+        self._backend.device.memory.invalidate(buffer.allocation)
+        return buffer.view(np.float32).copy()
+
     def _write_tables(self, buffer: Buffer, words: NDArray[np.uint32]) -> None:
         self._backend.device.wait_idle()
         self._fill(buffer, words)
