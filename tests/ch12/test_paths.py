@@ -150,7 +150,7 @@ def test_a_square_in_a_furnace_shows_its_albedo(chapter):
 @pytest.mark.variants("vulkan")
 @pytest.mark.feature("path-tracer/core")
 def test_a_white_square_in_a_furnace_cannot_be_seen(chapter):
-    """With energy=conserving a white surface reflects all light: the part that is added comes from a table of halves."""
+    """With energy=conserving a white surface reflects all light, to the precision of a table in half floats."""
     white = Material(base_color=(1.0, 1.0, 1.0, 1.0), roughness=0.8, metallic=0.25)
     scene, view, wanted = furnace(white, "conserving")
     assert np.abs(wanted - 2.0).max() < 1e-3

@@ -248,8 +248,8 @@ class FramePlan:
             for name, pass_ in self.passes.items()
         }
         written = {access.resource for pass_ in self.passes.values() for access in pass_.writes}
-        given = {name for pass_ in self.passes.values() for name in pass_.externals} - written
-        nodes = self.file.nodes(declared, self._formats, given, OUTPUTS, self._on)
+        external = {name for pass_ in self.passes.values() for name in pass_.externals} - written
+        nodes = self.file.nodes(declared, self._formats, external, OUTPUTS, self._on)
         nodes += [
             Node(pass_.name, pass_.reads, pass_.writes, _why_not(pass_, scene, settings), pass_.queue)
             for pass_ in self._inserted.values()
