@@ -54,9 +54,8 @@ Bsdf bsdf_of(vec3 base_color, float metallic, float roughness, vec3 table, int e
     }
     float mirrored = on_radiance.r + on_radiance.g + on_radiance.b;
     float sum = mirrored + on_irradiance.r + on_irradiance.g + on_irradiance.b;
-    return Bsdf(
-        base_color, metallic, max(roughness * roughness, ALPHA_MIN), energy, even, sum > 0.0 ? mirrored / sum : 1.0
-    );
+    float specular = sum > 0.0 ? min(mirrored / sum, 1.0) : 1.0;
+    return Bsdf(base_color, metallic, max(roughness * roughness, ALPHA_MIN), energy, even, specular);
 }
 
 // The BRDF times the cosine n.l, for light arriving from `l` that leaves towards `v`; 0 for light from behind.
@@ -98,7 +97,8 @@ BsdfSample bsdf_sample(vec3 u, Bsdf b, vec3 n, vec3 v) {
     local.z = abs(local.z);
     vec3 l;
     if (u.x < b.specular) {
-        vec3 h = sample_ggx(u.yz, local, b.alpha);
+        // At 1 the visible cap ends opposite to `local`, and half way between opposite vectors there is no direction.
+        vec3 h = sample_ggx(vec2(u.y, min(u.z, 1.0 - 1.0 / 1048576.0)), local, b.alpha);
         l = 2.0 * dot(local, h) * h - local;
     } else {
         l = sample_cosine(u.yz);
