@@ -28,9 +28,10 @@ def cube_weights(radiance: ArrayLike, size: int | None = None) -> Float64:
     size = edge if size is None else size
     if not 1 <= size <= edge or edge % size:
         raise ValueError(f"{edge} texels along an edge are no whole multiple of {size}")
-    luminance = given[..., :3].astype(np.float64) @ np.asarray(LUMINANCE, np.float64)
-    if not (np.isfinite(luminance).all() and luminance.min() >= 0):
+    light = given[..., :3].astype(np.float64)
+    if not (np.isfinite(light).all() and light.min() >= 0):
         raise ValueError("radiance is finite and not negative")
+    luminance = light @ np.asarray(LUMINANCE, np.float64)
     weights = _filtered(luminance) * cube_solid_angles(edge)
     part = edge // size
     return np.asarray(weights.reshape(6, size, part, size, part).sum(axis=(2, 4)))

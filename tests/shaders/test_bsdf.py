@@ -181,14 +181,14 @@ def test_mirrored_directions_follow_their_density(either_device, roughness, cosi
         phi = (turns[:-1, None] + (x + 1) / 2 * np.diff(turns)[:, None])[None, :, None, :]
         slope = alpha * np.sqrt(1 - w**2) / w
         h_z = 1 / np.sqrt(1 + slope**2)
-        h = np.stack(
-            np.broadcast_arrays(slope * h_z * np.cos(phi), slope * h_z * np.sin(phi), h_z), axis=-1
-        )
+        h = np.stack(np.broadcast_arrays(slope * h_z * np.cos(phi), slope * h_z * np.sin(phi), h_z), axis=-1)
         v_dot_h = np.maximum(h @ v, 0)
         pdf = bsdf.pdf(made, 2 * v_dot_h[..., None] * h - v, v)
         # D (n.h) dh = w dw dphi / pi, dl = 4 (v.h) dh
         density = pdf * 4 * v_dot_h * w / (np.pi * distribution_ggx(h_z, alpha) * h_z)
-        cells = np.einsum("ijkl,k,l->ij", density, weight, weight) * np.diff(w_edges)[0] * np.diff(turns)[0] / 4
+        cells = (
+            np.einsum("ijkl,k,l->ij", density, weight, weight) * np.diff(w_edges)[0] * np.diff(turns)[0] / 4
+        )
         assert np.isclose(cells.sum(), 1, atol=2e-3)
         cells += 1e-6  # where facets turn away, rounding may put a few
         return cells / cells.sum() * len(got["l"])
@@ -307,7 +307,10 @@ def test_extremes_are_finite(either_device, energy):
     inputs = {
         name: np.float32(values)[places[:, column]] for column, (name, values) in enumerate(choices.items())
     }
-    body = MATERIAL + "BsdfSample s = bsdf_sample(u, b, vec3(0, 0, 1), v); l = s.direction; pdf = s.pdf; weight = s.weight;"
+    body = (
+        MATERIAL
+        + "BsdfSample s = bsdf_sample(u, b, vec3(0, 0, 1), v); l = s.direction; pdf = s.pdf; weight = s.weight;"
+    )
     outputs = {"l": "vec3", "pdf": "float", "weight": "vec3"}
     defines = {"ENERGY": ENERGIES.index(energy)}
     got = evaluate(either_device, ["bsdf.glsl"], body, inputs, outputs, defines)
@@ -330,7 +333,9 @@ def test_as_printed_a_dielectric_gains_light_at_grazing_angles(vulkan_device):
 
 def test_the_fit_chooses_lobes_as_well_as_the_table(vulkan_device):
     """Without a table the probability of the mirrored lobe is off by 0.12 at most; the value does not ask for it."""
-    cosine, roughness = (a.reshape(-1) for a in np.meshgrid(np.linspace(0.02, 1, 12), np.linspace(0.05, 1, 12)))
+    cosine, roughness = (
+        a.reshape(-1) for a in np.meshgrid(np.linspace(0.02, 1, 12), np.linspace(0.05, 1, 12))
+    )
     body = """
         Bsdf b = bsdf_of(vec3(0.6), metallic, roughness, albedo_fit(cosine, roughness), ENERGY_GLTF);
         share = b.specular;
@@ -338,7 +343,11 @@ def test_the_fit_chooses_lobes_as_well_as_the_table(vulkan_device):
     for metallic in (0.0, 0.5):
         inputs = {"cosine": cosine, "roughness": roughness, "metallic": np.full(len(cosine), metallic)}
         got = evaluate(
-            vulkan_device, ["bsdf.glsl"], body, {k: np.float32(a) for k, a in inputs.items()}, {"share": "float"}
+            vulkan_device,
+            ["bsdf.glsl"],
+            body,
+            {k: np.float32(a) for k, a in inputs.items()},
+            {"share": "float"},
         )["share"]
         truth = [
             bsdf.Material(np.full(3, 0.6), metallic, r, table(c, r)).specular()

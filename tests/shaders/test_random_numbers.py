@@ -22,7 +22,9 @@ def whole_numbers(count, seed):
 
 def pixels(width, height):
     """Return (height * width, 2) uint32 places, row by row."""
-    return np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).reshape(-1, 2).astype(np.uint32)
+    return (
+        np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).reshape(-1, 2).astype(np.uint32)
+    )
 
 
 def distinct(values):
@@ -171,7 +173,13 @@ def test_the_table_s_sequence_is_sobol_s():
 @pytest.mark.parametrize("m", [1, 4, 8, 11])
 def test_each_block_of_a_power_of_two_is_a_net(either_device, m):
     size = 2**m
-    for block, pair, seed in ((0, 0, 0), (0, 1, 0), (1, 0, 9), (5, 7, 123), (2 ** (32 - m) - 1, 3, 0xFFFFFFFF)):
+    for block, pair, seed in (
+        (0, 0, 0),
+        (0, 1, 0),
+        (1, 0, 9),
+        (5, 7, 123),
+        (2 ** (32 - m) - 1, 3, 0xFFFFFFFF),
+    ):
         bits, _ = points(either_device, block * size + np.arange(size), pair, seed)
         assert is_a_net(bits)
     bits, _ = points(either_device, size // 2 + np.arange(size), 0, 0)
@@ -185,7 +193,9 @@ def test_scrambling_is_nested(either_device):
     first = whole_numbers(8192, 1)
     place = rng.integers(0, 32, 8192)
     tail = rng.integers(0, 2**32, 8192, dtype=np.uint64) & ((np.uint64(1) << np.uint64(place)) - np.uint64(1))
-    second = np.uint32(np.uint64(first) ^ (np.uint64(1) << np.uint64(place)) ^ tail)  # highest other bit: `place`
+    second = np.uint32(
+        np.uint64(first) ^ (np.uint64(1) << np.uint64(place)) ^ tail
+    )  # highest other bit: `place`
     body = """
         a = bitfieldReverse(scrambled_from_below(bitfieldReverse(first), seed));
         b = bitfieldReverse(scrambled_from_below(bitfieldReverse(second), seed));

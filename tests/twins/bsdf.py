@@ -85,7 +85,9 @@ def sample(material: Material, u: ArrayLike, v: ArrayLike) -> Float64:
     return np.where(u[..., :1] < material.specular(), mirrored, ggx_sampling.sample_cosine(u[..., 1:]))
 
 
-def sphere(v: ArrayLike, alpha: float, panels: int = 40, nodes: int = 8, spokes: int = 96) -> tuple[Float64, Float64]:
+def sphere(
+    v: ArrayLike, alpha: float, panels: int = 40, nodes: int = 8, spokes: int = 96
+) -> tuple[Float64, Float64]:
     """Return directions (N, 3) and weights (N,) that integrate over all l, by half vectors h of l and `v` (v.z >= 0).
 
     The slope of h runs from 1e-4 alpha to 1e4 by a constant factor in each panel, so lobes of any width are resolved, and the
@@ -115,7 +117,9 @@ def sphere(v: ArrayLike, alpha: float, panels: int = 40, nodes: int = 8, spokes:
     phi = last[:, None] * x
     around = phi + np.arctan2(v[1], v[0])
     sine = (slope * n_dot_h)[:, None]
-    h = np.stack([sine * np.cos(around), sine * np.sin(around), np.broadcast_to(n_dot_h[:, None], phi.shape)], -1)
+    h = np.stack(
+        [sine * np.cos(around), sine * np.sin(around), np.broadcast_to(n_dot_h[:, None], phi.shape)], -1
+    )
     v_dot_h = h @ v
     l = 2 * v_dot_h[..., None] * h - v  # noqa: E741
     weights = ring[:, None] * last[:, None] * weight * 4 * np.maximum(v_dot_h, 0)
