@@ -159,10 +159,6 @@ LESSON = Lesson(
     },
     missing=(
         "path-tracer/core",
-        "path-tracer/random-streams",
-        "path-tracer/environment-alias-table",
-        "path-tracer/mis",
-        "path-tracer/brdf-sampling",
         "path-tracer/russian-roulette",
         "path-tracer/accumulation",
     ),

@@ -1,4 +1,4 @@
-"""The path tracer's BSDF: its density and albedo by quadrature, its samples by chi-square, and the GLSL against float64."""
+"""The path tracer's BSDF: density and albedo by quadrature, samples by chi-square, and the GLSL against float64."""
 
 from __future__ import annotations
 
@@ -111,8 +111,8 @@ def test_density_and_albedo_by_quadrature(either_device, roughness, cosine):
 
 
 @feature
-@pytest.mark.parametrize("cosine", (0.7, 0.3, 0.05))
-@pytest.mark.parametrize("alpha", (0.2, 0.5, 1.0))
+@pytest.mark.parametrize("cosine", [0.7, 0.3, 0.05])
+@pytest.mark.parametrize("alpha", [0.2, 0.5, 1.0])
 def test_what_lies_below_the_horizon_is_what_facets_mirror_there(vulkan_device, alpha, cosine):
     """Above it by a quadrature over light, below it over visible facets (Heitz 2018), from formulas of their own."""
     v = view(cosine, 0.0)
@@ -199,7 +199,7 @@ def test_mirrored_directions_follow_their_density(either_device, roughness, cosi
 
 
 @feature
-@pytest.mark.parametrize("cosine", (1.0, 0.4, 0.05))
+@pytest.mark.parametrize("cosine", [1.0, 0.4, 0.05])
 @pytest.mark.parametrize(
     ("name", "roughness"),
     [("white dielectric, conserving", 0.4), ("coloured mixture", 0.7), ("nearly metal, conserving", 1.0)],
@@ -264,7 +264,7 @@ def test_value_and_density_are_those_of_float64(either_device, name):
             there = l.astype(np.float64) @ frame
             there /= np.linalg.norm(there, axis=1, keepdims=True)
             v_there = v.astype(np.float64) @ frame
-            # Nearer to the horizon its own rounding is all that is left of a cosine, and nearer to -v of what is half way.
+            # Rounding is all that is left of a cosine nearer to the horizon, and of what is half way nearer to -v.
             clear = (there[:, 2] > 0.02) & (np.linalg.norm(there + v_there, axis=1) > 0.1)
             for got, truth in (
                 (pdf[clear], bsdf.pdf(made, there, v_there)[clear]),
@@ -292,7 +292,7 @@ def test_samples_are_those_of_float64(either_device, name):
 @feature
 @pytest.mark.parametrize("energy", ENERGIES)
 def test_extremes_are_finite(either_device, energy):
-    """Numbers at both ends, views along the normal, along the surface and at -n; tables of mirrors and of the darkest."""
+    """Numbers at both ends, views along the normal, the surface and -n, tables of mirrors and of the darkest."""
     most = 1 - 2.0**-24
     choices = {
         "u": [(a, b, c) for a in (0, 0.5, most) for b in (0, 0.25, 0.5, most) for c in (0, 0.5, most)],
@@ -321,7 +321,7 @@ def test_extremes_are_finite(either_device, energy):
 
 @feature
 def test_as_printed_a_dielectric_gains_light_at_grazing_angles(vulkan_device):
-    """The formula of glTF reflects 1.7 times what arrives; conserving takes from the diffuse part what mirrors leave."""
+    """glTF's formula reflects 1.7 times what arrives; conserving, the diffuse part gets what the mirrored leaves."""
     v = view(0.05)
     l, weight = bsdf.sphere(v, 0.01)  # noqa: E741
     for energy, low, high in (("gltf", 1.6, 1.8), ("compensated", 1.6, 1.8), ("conserving", 0.999, 1.001)):

@@ -1,7 +1,7 @@
 """Chapter 1's material for a path tracer, in float64: value, density and samples of `shaders/bsdf.glsl`.
 
-Directions are local, the surface's normal is +z. Composed of the twins of the BRDF, of the environment's weights and of the
-sampling of GGX, each written from its source. `table` (..., 3) are A, B, W for the direction of view, see
+Directions are local, the surface's normal is +z. Composed of the twins of the BRDF, of the environment's weights and
+of the sampling of GGX, each written from its source. `table` (..., 3) are A, B, W for the direction of view, see
 `tests/twins/shading_environment.py`. Everything broadcasts over leading axes.
 """
 
@@ -90,8 +90,8 @@ def sphere(
 ) -> tuple[Float64, Float64]:
     """Return directions (N, 3) and weights (N,) that integrate over all l, by half vectors h of l and `v` (v.z >= 0).
 
-    The slope of h runs from 1e-4 alpha to 1e4 by a constant factor in each panel, so lobes of any width are resolved, and the
-    azimuth as far as `v` sees h. Light from below -v.z has h below the surface, where all densities are 0.
+    The slope of h runs from 1e-4 alpha to 1e4 by a constant factor in each panel, so lobes of any width are resolved,
+    and the azimuth as far as `v` sees h. Light from below -v.z has h below the surface, where all densities are 0.
     """
     v = np.asarray(v, np.float64)
     x, weight = np.polynomial.legendre.leggauss(nodes)
