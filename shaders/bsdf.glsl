@@ -97,8 +97,7 @@ BsdfSample bsdf_sample(vec3 u, Bsdf b, vec3 n, vec3 v) {
     local.z = abs(local.z);
     vec3 l;
     if (u.x < b.specular) {
-        // At 1 the visible cap ends opposite to `local`, and half way between opposite vectors there is no direction.
-        vec3 h = sample_ggx(vec2(u.y, min(u.z, 1.0 - 1.0 / 1048576.0)), local, b.alpha);
+        vec3 h = sample_ggx(u.yz, local, b.alpha);
         l = 2.0 * dot(local, h) * h - local;
     } else {
         l = sample_cosine(u.yz);

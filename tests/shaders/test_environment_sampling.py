@@ -79,9 +79,26 @@ def test_each_number_is_picked_for_its_part_of_all_bits(either_device, count):
     assert len(counts) == count
     assert np.abs(counts - table.probability * len(bits)).max() <= entries
     assert np.array_equal(probability, np.float32(table.probability)[number])
-    last = np.full((1, 2), 0xFFFFFFFF, np.uint32)
-    number, _ = picked(either_device, table, last)
-    assert number[0] < count and table.units[number[0]] > 0
+
+
+@feature
+def test_thresholds_are_kept_to_the_bit(either_device):
+    """An entry stands for itself below its threshold, and at it no more: one without units is never drawn."""
+    table = alias_table([1.0, 3.0, 4.0])
+    entries = len(table.threshold)
+    first = (np.arange(entries, dtype=np.uint64) << np.uint64(32)) // np.uint64(entries)
+    for bits, expected in (
+        (0, [0, 1, 2, 2]),
+        (2**31 - 1, [0, 1, 2, 2]),
+        (2**31, [1, 1, 2, 2]),
+        (2**32 - 1, [1, 1, 2, 2]),
+    ):
+        both = np.stack([first, np.full(entries, bits, np.uint64)], axis=1).astype(np.uint32)
+        number, _ = picked(either_device, table, both)
+        assert number.tolist() == expected
+        both[:, 0] += np.uint32(2**32 // entries - 1)
+        number, _ = picked(either_device, table, both)
+        assert number.tolist() == expected
 
 
 @feature
