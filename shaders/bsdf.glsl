@@ -1,7 +1,7 @@
 // Chapter 1's material for a path tracer: its value, directions drawn in proportion to its lobes, and their density.
 //
-// The value is the metallic-roughness BRDF of brdf.glsl. What a setting of energy (ibl.glsl) adds for an environment is here
-// part of the BRDF, so that it holds for light of every kind:
+// The value is the metallic-roughness BRDF of brdf.glsl. What a setting of energy (ibl.glsl) adds for an environment is
+// here part of the BRDF, so that it holds for light of every kind:
 //
 //     ENERGY_GLTF         as brdf.glsl has it
 //     ENERGY_COMPENSATED  and more / pi: light that bounces between facets leaves evenly
@@ -11,9 +11,9 @@
 // exactly the sum of the two weights of `environment_weights`, since that table is the integral of the specular part.
 // `more` and `left` depend on the direction of view alone: neither is reciprocal.
 //
-// There are two lobes: the visible normals of GGX, mirrored, and a cosine. Each is chosen in proportion to its albedo. Vectors
-// are of unit length in the space of the normal. Mirrored directions below the horizon count in the density, and their value
-// is 0. The same in float64: tests/twins/bsdf.py.
+// There are two lobes: the visible normals of GGX, mirrored, and a cosine. Each is chosen in proportion to its albedo.
+// Vectors are of unit length in the space of the normal. Mirrored directions below the horizon count in the density,
+// and their value is 0. The same in float64: tests/twins/bsdf.py.
 
 #include "ggx_sampling.glsl"
 #include "ibl.glsl"
@@ -54,9 +54,8 @@ Bsdf bsdf_of(vec3 base_color, float metallic, float roughness, vec3 table, int e
     }
     float mirrored = on_radiance.r + on_radiance.g + on_radiance.b;
     float sum = mirrored + on_irradiance.r + on_irradiance.g + on_irradiance.b;
-    return Bsdf(
-        base_color, metallic, max(roughness * roughness, ALPHA_MIN), energy, even, sum > 0.0 ? mirrored / sum : 1.0
-    );
+    float specular = sum > 0.0 ? min(mirrored / sum, 1.0) : 1.0;
+    return Bsdf(base_color, metallic, max(roughness * roughness, ALPHA_MIN), energy, even, specular);
 }
 
 // The BRDF times the cosine n.l, for light arriving from `l` that leaves towards `v`; 0 for light from behind.
@@ -73,8 +72,8 @@ vec3 bsdf_value(Bsdf b, vec3 n, vec3 l, vec3 v) {
     return black * (1.0 - b.metallic) + metal * b.metallic + even;
 }
 
-// `v` on the side of the normal. Normals of maps and of corners may turn away from a direction of view; lobes are then those
-// of the direction mirrored at the surface, while the value is that of the direction itself.
+// `v` on the side of the normal. Normals of maps and of corners may turn away from a direction of view; lobes are then
+// those of the direction mirrored at the surface, while the value is that of the direction itself.
 vec3 above_surface(vec3 n, vec3 v) {
     return v - 2.0 * min(dot(n, v), 0.0) * n;
 }

@@ -1,7 +1,8 @@
 // Directions towards the texels of a cube map, drawn by a table of aliases (alias.glsl), and their density.
 //
-// Texel x, y of a face has the number (face * size + y) * size + x. common/environment/importance.py computes the weights.
-// Within a texel the points of its area are equally likely; the density per solid angle follows from how it is seen.
+// Texel x, y of a face has the number (face * size + y) * size + x. common/environment/importance.py computes the
+// weights. Within a texel the points of its area are equally likely; the density per solid angle follows from how it is
+// seen.
 
 #include "environment.glsl"
 

@@ -1,15 +1,15 @@
 // Points of Sobol's sequence in two dimensions, in shuffled order and scrambled as Owen does it (Burley 2020, "Practical
 // Hash-based Owen Scrambling", JCGT 9(4)).
 //
-// Any 2^m points from a multiple of 2^m on are a (0, m, 2)-net: each of the rectangles of area 2^-m into which halving cuts
-// the unit square has one of them. Further pairs of dimensions are the same points in another order, scrambled otherwise.
-// The same functions, made from tables of direction numbers, are in tests/twins/random_numbers.py.
+// Any 2^m points from a multiple of 2^m on are a (0, m, 2)-net: each of the rectangles of area 2^-m into which halving
+// cuts the unit square has one of them. Further pairs of dimensions are the same points in another order, scrambled
+// otherwise. The same functions, made from tables of direction numbers, are in tests/twins/random_numbers.py.
 
 #include "pcg.glsl"
 
-// A nested uniform scramble of a number whose lowest bit counts most: each bit is flipped or not as the bits below it and the
-// seed say. Only steps that carry bits upwards may be used. (Laine and Karras 2011, with the constants of Vegdahl 2021,
-// "Building a Better LK Hash".)
+// A nested uniform scramble of a number whose lowest bit counts most: each bit is flipped or not as the bits below it
+// and the seed say. Only steps that carry bits upwards may be used. (Laine and Karras 2011, with the constants of
+// Vegdahl 2021, "Building a Better LK Hash".)
 uint scrambled_from_below(uint x, uint seed) {
     x ^= x * 0x3D20ADEAu;
     x += seed;
@@ -19,8 +19,9 @@ uint scrambled_from_below(uint x, uint seed) {
     return x;
 }
 
-// The second dimension of Sobol's sequence before its bits are mirrored. Bit j is the sum modulo 2 of all bits k of the index
-// with odd binomial (k over j), which is so where j has no bit that k lacks (Lucas). Hence five steps, one for each bit of k.
+// The second dimension of Sobol's sequence before its bits are mirrored. Bit j is the sum modulo 2 of all bits k of the
+// index with odd binomial (k over j), which is so where j has no bit that k lacks (Lucas). Hence five steps, one for
+// each bit of k.
 uint pascal_modulo_2(uint x) {
     x ^= (x & 0xAAAAAAAAu) >> 1u;
     x ^= (x & 0xCCCCCCCCu) >> 2u;

@@ -179,9 +179,4 @@ LESSON = Lesson(
         "taa/passes.py": "follows the traced picture",
         "visibility/model.py": "tells masked and blended materials",
     },
-    missing=(
-        "path-tracer/random-streams",
-        "path-tracer/environment-alias-table",
-        "path-tracer/brdf-sampling",
-    ),
 )

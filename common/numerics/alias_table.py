@@ -1,8 +1,8 @@
 """Tables of aliases: choosing one of many with given probabilities in constant time (Walker 1974; Vose 1991).
 
-All probabilities are whole numbers of units, 2^-32 of an entry. So the table is exact: what an entry and those that have it
-as their alias give a number sums to its units, without any rounding, and a shader that compares 32 random bits with a
-threshold draws with exactly these probabilities. `shaders/alias.glsl` reads the table.
+All probabilities are whole numbers of units, 2^-32 of an entry. So the table is exact: what an entry and those that
+have it as their alias give a number sums to its units, without any rounding, and a shader that compares 32 random
+bits with a threshold draws with exactly these probabilities. `shaders/alias.glsl` reads the table.
 """
 
 from __future__ import annotations
@@ -54,23 +54,25 @@ class AliasTable:
 def alias_table(weights: ArrayLike) -> AliasTable:
     """Return the table for weights (N,) that are not negative, with N from 1 to 2^24.
 
-    Probabilities below that of an entry, 1 / entries, differ from their weights' shares by 2^-32 of it at most, larger ones
-    by 2^-31 of themselves; a weight above 0 has at least one unit.
+    Probabilities below that of an entry, 1 / entries, differ from their weights' shares by 2^-32 of it at most,
+    larger ones by 2^-31 of themselves; a weight above 0 has at least one unit.
 
     Raises:
         ValueError: no weights or too many, one that is negative or not finite, or all of them 0.
     """
-    given = np.asarray(weights, np.float64)
-    if given.ndim != 1 or not 1 <= given.size <= MAX_WEIGHTS:
-        raise ValueError(f"a table of aliases has 1 to {MAX_WEIGHTS} weights in a row, not {given.shape}")
-    if not (np.isfinite(given).all() and given.min() >= 0):
+    all_weights = np.asarray(weights, np.float64)
+    if all_weights.ndim != 1 or not 1 <= all_weights.size <= MAX_WEIGHTS:
+        raise ValueError(
+            f"a table of aliases has 1 to {MAX_WEIGHTS} weights in a row, not {all_weights.shape}"
+        )
+    if not (np.isfinite(all_weights).all() and all_weights.min() >= 0):
         raise ValueError("a weight is finite and not negative")
-    if not given.any():
+    if not all_weights.any():
         raise ValueError("one weight at least is above 0: nothing can be drawn by weights of 0")
-    entries = 1 << (given.size - 1).bit_length()
-    units = _whole_units(given, entries << UNIT_BITS)
+    entries = 1 << (all_weights.size - 1).bit_length()
+    units = _whole_units(all_weights, entries << UNIT_BITS)
     padded = np.zeros(entries, np.int64)
-    padded[: given.size] = units
+    padded[: all_weights.size] = units
     threshold, alias = _pair_up(padded)
     return AliasTable(threshold, alias, units)
 
@@ -96,10 +98,10 @@ def _whole_units(weights: Float64, total: int) -> Int64:
 def _pair_up(units: Int64) -> tuple[Uint32, Uint32]:
     """Return thresholds and aliases (entries,), where the units sum to 2^32 for each entry.
 
-    Small entries, in order, take what they lack from large ones, in order: each from the first that still has more than its
-    own entry holds. A large one that has given away more than its surplus lacks something in turn, and takes it from the
-    next. So everything follows from two running sums, of what is lacking and of what is left over (Hübschle-Schneider and
-    Sanders 2019, "Parallel Weighted Random Sampling"), and no step depends on the one before.
+    Small entries, in order, take what they lack from large ones, in order: each from the first that still has more
+    than its own entry holds. A large one that has given away more than its surplus lacks something in turn, and takes
+    it from the next. So everything follows from two running sums, of what is lacking and of what is left over
+    (Hübschle-Schneider and Sanders 2019, "Parallel Weighted Random Sampling"), and no step depends on the one before.
     """
     full = 1 << UNIT_BITS
     small, large = np.flatnonzero(units < full), np.flatnonzero(units >= full)

@@ -59,7 +59,7 @@ def test_every_number_is_drawn_with_the_share_of_its_weight(kind):
 
 @feature
 def test_a_table_by_hand():
-    """Weights 1, 3, 4 are 1/2, 3/2, 2 of four entries, the last having 0: entry 1 fills up 0, and entry 2 fills up 3."""
+    """Weights 1, 3, 4 and none are 1/2, 3/2, 2 and 0 of four entries: entry 1 fills up 0, and entry 2 fills up 3."""
     table = alias_table([1, 3, 4])
     assert table.units.tolist() == [FULL // 2, 3 * FULL // 2, 2 * FULL]
     assert table.threshold.tolist() == [FULL // 2, FULL - 1, FULL - 1, 0]

@@ -1,4 +1,4 @@
-"""Random streams and scrambled Sobol points: bits of both backends against whole numbers in Python, and their statistics."""
+"""Random streams and scrambled Sobol points: bits against whole numbers in Python, and their statistics."""
 
 from __future__ import annotations
 
@@ -22,7 +22,9 @@ def whole_numbers(count, seed):
 
 def pixels(width, height):
     """Return (height * width, 2) uint32 places, row by row."""
-    return np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).reshape(-1, 2).astype(np.uint32)
+    return (
+        np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).reshape(-1, 2).astype(np.uint32)
+    )
 
 
 def distinct(values):
@@ -69,7 +71,7 @@ def test_bits_are_those_of_whole_numbers(either_device):
 
 @streams
 def test_all_pixels_have_streams_of_their_own(vulkan_device):
-    """And those of 64 pixels are apart in 1024 frames; a seed of x + y x, as once printed, has 625,000 values for all."""
+    """And so have 64 pixels in 1024 frames. A seed of x + y x, as once printed, has 625,000 values for all."""
     p = pixels(1920, 1080)
     body = "seed = seed_of(p, 1920u, 7u); printed = p.y * p.x + p.x;"
     got = evaluate(vulkan_device, ["pcg.glsl"], body, {"p": p}, {"seed": "uint", "printed": "uint"})
@@ -83,7 +85,7 @@ def test_all_pixels_have_streams_of_their_own(vulkan_device):
 
 @streams
 def test_the_next_frame_is_not_this_one_shifted():
-    """Seeds of two frames coincide as often as random numbers do: n^2 / 2^32 times, and then at many distances of pixels."""
+    """Seeds of two frames coincide as often as random numbers do, n^2 / 2^32 times, at many distances of pixels."""
     p = pixels(1000, 400)
     now, later = (np.int64(twin.seed_of(p[:, 0], p[:, 1], 1000, frame)) for frame in (3, 4))
     _, first, second = np.intersect1d(now, later, return_indices=True)
@@ -102,7 +104,8 @@ def test_numbers_stay_below_1_and_fall_evenly(either_device):
         later = vec2(pair.x, pcg_float(next));
         uint one = seed_of(uvec2(5u, 5u), 256u, state);
         frames = pcg_float(one);
-        top = vec2(unit_float(0xFFFFFFFFu - (state & 255u)), float(0xFFFFFFFFu - (state & 255u)) * (1.0 / 4294967296.0));
+        uint large = 0xFFFFFFFFu - (state & 255u);
+        top = vec2(unit_float(large), float(large) * (1.0 / 4294967296.0));
     """
     outputs = {"pair": "vec2", "later": "vec2", "frames": "float", "top": "vec2"}
     got = evaluate(either_device, ["pcg.glsl"], body, {"state": state}, outputs)
@@ -171,7 +174,13 @@ def test_the_table_s_sequence_is_sobol_s():
 @pytest.mark.parametrize("m", [1, 4, 8, 11])
 def test_each_block_of_a_power_of_two_is_a_net(either_device, m):
     size = 2**m
-    for block, pair, seed in ((0, 0, 0), (0, 1, 0), (1, 0, 9), (5, 7, 123), (2 ** (32 - m) - 1, 3, 0xFFFFFFFF)):
+    for block, pair, seed in (
+        (0, 0, 0),
+        (0, 1, 0),
+        (1, 0, 9),
+        (5, 7, 123),
+        (2 ** (32 - m) - 1, 3, 0xFFFFFFFF),
+    ):
         bits, _ = points(either_device, block * size + np.arange(size), pair, seed)
         assert is_a_net(bits)
     bits, _ = points(either_device, size // 2 + np.arange(size), 0, 0)
@@ -180,12 +189,14 @@ def test_each_block_of_a_power_of_two_is_a_net(either_device, m):
 
 
 def test_scrambling_is_nested(either_device):
-    """Numbers that agree in their first k bits do so afterwards, and no further; seeds flip each bit half of the time."""
+    """Numbers that agree in their first k bits agree in as many afterwards; seeds flip each bit half of the time."""
     rng = np.random.default_rng(12)
     first = whole_numbers(8192, 1)
     place = rng.integers(0, 32, 8192)
     tail = rng.integers(0, 2**32, 8192, dtype=np.uint64) & ((np.uint64(1) << np.uint64(place)) - np.uint64(1))
-    second = np.uint32(np.uint64(first) ^ (np.uint64(1) << np.uint64(place)) ^ tail)  # highest other bit: `place`
+    second = np.uint32(
+        np.uint64(first) ^ (np.uint64(1) << np.uint64(place)) ^ tail
+    )  # highest other bit: `place`
     body = """
         a = bitfieldReverse(scrambled_from_below(bitfieldReverse(first), seed));
         b = bitfieldReverse(scrambled_from_below(bitfieldReverse(second), seed));

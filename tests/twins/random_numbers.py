@@ -52,8 +52,9 @@ def mirrored(x: ArrayLike) -> Uint64:
 def sobol_plain(index: ArrayLike) -> tuple[Uint64, Uint64]:
     """Return the first two dimensions of Sobol's sequence without scrambling, as 32 bits after the binary point.
 
-    By direction numbers (Joe and Kuo 2008, "Constructing Sobol Sequences with Better Two-Dimensional Projections"): for the
-    first dimension v_k = 2^(31-k), for the second, of the polynomial x + 1, m_1 = 1 and m_k = 2 m_(k-1) xor m_(k-1).
+    By direction numbers (Joe and Kuo 2008, "Constructing Sobol Sequences with Better Two-Dimensional Projections"):
+    for the first dimension v_k = 2^(31-k), for the second, of the polynomial x + 1, m_1 = 1 and m_k = 2 m_(k-1) xor
+    m_(k-1).
     """
     index = _u(index)
     m = 1
