@@ -13,37 +13,14 @@ from common.numerics.transforms import pose_looking_at
 from common.scene import Material
 from common.view.camera import Orthographic, View
 from tests.support.path_pictures import SIZE, assert_agrees, light, opened, runs, z_scores
+from tests.support.path_scenes import ABOVE, AROUND, MATTE, floor_under, light_of_square, lit_yard
 from tests.support.scenes import nodes_at, quad_scene
-from tests.support.shadows import placed, point, spot, sun, yard
+from tests.support.shadows import spot
 from tests.support.traced_pictures import picture
 from tests.twins.shading import metallic_roughness
 from tests.twins.shading_environment import albedo_table, weights
 
 pytestmark = pytest.mark.variants("vulkan", "gl")
-
-MATTE = Material(base_color=(0.7, 0.5, 0.3, 1.0), roughness=1.0, metallic=0.0, double_sided=True)
-ABOVE = View(pose_looking_at((0.0, 3.0, 0.0), (0.0, 0.0, 0.0), (0, 0, -1)), Orthographic(1.0, 0.1, 9.0))
-AROUND = View(pose_looking_at((2.5, 2.5, 3.5), (0.0, 0.6, 0.0)), Orthographic(2.0, 0.1, 20.0))
-
-
-def lit_yard(*more, material=MATTE):
-    """Return a ground with a floating cube, and lights of all kinds."""
-    lamps = (
-        point((-1.5, 2.5, 0.8)),
-        spot((1.5, 3.0, 1.0), (0.0, 0.5, 0.0)),
-        sun((-0.3, -1.0, -0.5), lux=2.0),
-    )
-    return yard(*lamps, *more, material=material)
-
-
-def places(view, size=SIZE):
-    """Return (H, W, 2) x and z of the pixels' centres on the ground, for ABOVE."""
-    width, height = size
-    rows, columns = np.mgrid[:height, :width] + 0.5
-    half = view.projection.ymag
-    return np.stack(
-        [(2 * columns / width - 1) * half * width / height, (2 * rows / height - 1) * half], axis=-1
-    )
 
 
 # --- sums of frames ---
@@ -169,29 +146,6 @@ def test_direct_light_is_that_of_the_drawn_picture(chapter):
         assert not light(renderer, AROUND).any()
     assert traced.std() > 0.2 * traced.mean() and (traced == 0).any()
     assert np.abs(seen - traced).max() < 1e-5 * traced.max()
-
-
-def floor_under(lamp, half=0.4, height=1.0, *more):
-    """Return a ground of 8x8 metres, and above it a square of edge 2 `half` that faces down, of material `lamp`."""
-    squares = (placed((0, 0, 0), (8, 8), (0, 1, 0)), placed((0, height, 0), (2 * half, 2 * half), (0, -1, 0)))
-    return quad_scene(materials=(MATTE, lamp), matrices=squares, instance_materials=(0, 1))
-
-
-def light_of_square(emission, half=0.4, height=1.0, view=ABOVE, nodes=24):
-    """Return (H, W, 3) what the ground reflects upwards of such a square: a quadrature over its points."""
-    at, weight = np.polynomial.legendre.leggauss(nodes)
-    x, z = np.meshgrid(half * at, half * at)
-    area = (half * half * np.outer(weight, weight)).reshape(-1)
-    lamp = np.stack([x, np.full_like(x, height), z], axis=-1).reshape(-1, 3)
-    ground = np.insert(places(view), 1, 0.0, axis=-1)
-    towards = lamp - ground[..., None, :]
-    distance = np.linalg.norm(towards, axis=-1)
-    direction = towards / distance[..., None]
-    up = np.broadcast_to((0.0, 1.0, 0.0), direction.shape)
-    base = np.broadcast_to(MATTE.base_color[:3], direction.shape)
-    value = metallic_roughness(up, direction, up, base, np.zeros(distance.shape), np.ones(distance.shape))
-    arrives = emission(lamp, direction) * (direction[..., 1] / distance**2 * area)[..., None]
-    return (value * arrives).sum(axis=-2)
 
 
 @pytest.mark.feature("path-tracer/mis")

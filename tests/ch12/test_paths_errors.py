@@ -8,9 +8,15 @@ import numpy as np
 import pytest
 
 from common.scene import Material
-from tests.ch12.test_paths import ABOVE, floor_under, light_of_square, lit_yard
-from tests.ch12.test_paths_agree import BOUNCES, VIEW, room
 from tests.support.path_pictures import SIZE, opened, runs
+from tests.support.path_scenes import (
+    ABOVE,
+    CORNER,
+    floor_under,
+    light_of_square,
+    lit_yard,
+    room,
+)
 
 pytestmark = pytest.mark.variants("vulkan", "gl")
 
@@ -58,17 +64,17 @@ def test_paths_that_are_no_numbers_are_counted_and_left_out(chapter):
 @pytest.mark.feature("path-tracer/accumulation")
 def test_pixels_with_enough_paths_get_no_more(chapter):
     """Where light is even few paths are enough; the mean stays right, and the error comes near to the one asked for."""
-    more = {"path_samples": 8, "path_bounces": BOUNCES}
+    more = {"path_samples": 8, "path_bounces": 4}
     with opened(chapter, room(), path_error=0.05, **more) as renderer:
-        totals = [renderer.render(VIEW).work["path_total"] for _ in range(16)]
-        frame = renderer.render(VIEW)
+        totals = [renderer.render(CORNER).work["path_total"] for _ in range(16)]
+        frame = renderer.render(CORNER)
         picture = np.asarray(frame.image("color_linear"), np.float64)
         assert 0.04 < frame.work["path_error_ppm"] / 1e6 < 0.055
     new = np.diff([0, *totals]) / (8 * SIZE[0] * SIZE[1])
     assert (new[:4] == 1.0).all() and 0.0 < new[-1] < 0.4
     with opened(chapter, room(), **more) as renderer:
         for _ in range(17):
-            frame = renderer.render(VIEW)
+            frame = renderer.render(CORNER)
         assert frame.work["path_total"] == 17 * 8 * SIZE[0] * SIZE[1]
         full = np.asarray(frame.image("color_linear"), np.float64)
     assert abs(picture.mean() / full.mean() - 1.0) < 0.02 and not np.array_equal(picture, full)

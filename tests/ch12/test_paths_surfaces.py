@@ -10,8 +10,8 @@ import pytest
 from common.numerics.transforms import pose_looking_at
 from common.scene import Material
 from common.view.camera import Orthographic, View
-from tests.ch12.test_paths import ABOVE, MATTE, light_of_square, places
 from tests.support.path_pictures import SIZE, assert_agrees, light, opened, runs, z_scores
+from tests.support.path_scenes import ABOVE, MATTE, light_of_square, places
 from tests.support.scenes import nodes_at, quad_scene
 from tests.support.shadows import placed, point
 
