@@ -9,7 +9,7 @@ import pytest
 
 from common.numerics.transforms import pose_looking_at
 from common.scene import Material
-from common.view.camera import Orthographic, View
+from common.view.camera import Orthographic, Perspective, View
 from tests.support.path_pictures import SIZE, assert_agrees, light, opened, runs, z_scores
 from tests.support.path_scenes import ABOVE, MATTE, light_of_square, places
 from tests.support.scenes import nodes_at, quad_scene
@@ -122,3 +122,31 @@ def test_a_blended_square_lights_by_its_alpha(chapter):
     for seen in runs(chapter, scene, ABOVE, each=each, path_samples=16, **DIRECT):
         assert_agrees(z_scores(seen, truth))
         assert abs(seen.mean() / truth.mean() - 1.0) < 0.03
+
+
+# --- the lens ---
+
+
+@pytest.mark.feature("path-tracer/core")
+@pytest.mark.parametrize("focus", [1.5, 0.0], ids=["set", "found"])
+def test_an_edge_out_of_focus_spreads_over_the_circle_of_a_thin_lens(chapter, focus):
+    """An emissive square at z, focus at s: the part of a disc of radius A v |1/s - 1/z| / 2 on one side of a chord."""
+    size, far, tangent, f_number = (33, 5), 4.0, 0.25, 0.02
+    glow = Material(**BLACK, emissive=(2.0, 1.0, 0.5), double_sided=True)
+    square = placed((5.0, 0.0, -far), (10.0, 20.0), (0, 0, 1))
+    # Where the focus is found, it is that of a small square in the middle. It hides some of the edge: other rows see it.
+    mark = placed((0.0, 0.0, -1.5), (1e-3, 1e-3), (0, 0, 1))
+    scene = quad_scene(glow, matrices=(square, mark), instance_materials=(0, 0))
+    view = View(np.eye(4), Perspective(2.0 * np.arctan(tangent), 0.05))
+    more = {"aperture": f_number, "focus_distance": focus, "path_samples": 64, "path_bounces": 0}
+    (seen,) = runs(chapter, scene, view, size=size, **more)
+    v = 0.024 / (2.0 * tangent)
+    opening = 1.0 / (1.0 / v + 1.0 / 1.5) / f_number
+    radius = 0.5 * opening * v * abs(1.0 / 1.5 - 1.0 / far) * size[1] / 0.024
+    assert 4.0 < radius < 14.0
+    at = (np.arange(size[0])[:, None] + (np.arange(64) + 0.5) / 64 - size[0] / 2) / radius
+    chord = np.clip(at, -1.0, 1.0)
+    covered = (0.5 + (chord * np.sqrt(1.0 - chord**2) + np.arcsin(chord)) / np.pi).mean(axis=1)
+    truth = covered[None, :, None] * np.array((2.0, 1.0, 0.5))
+    rows = [0, 4]  # without the mark
+    assert_agrees(z_scores(seen[:, rows], np.broadcast_to(truth, (2, *truth.shape[1:])), block=2))

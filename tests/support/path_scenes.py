@@ -57,7 +57,7 @@ def light_of_square(
 ) -> Float64:
     """Return (H, W, 3) what the ground of `floor_under` reflects to ABOVE: a quadrature over the square.
 
-    `emission` returns the light (..., 3) of points (..., 3) of the square towards the ground, by the directions from it.
+    `emission` returns the light (..., 3) that points (..., 3) of the square send against the directions (..., 3).
     """
     at, weight = np.polynomial.legendre.leggauss(nodes)
     x, z = np.meshgrid(half * at, half * at)

@@ -22,6 +22,7 @@ from common.scene import Scene
 from common.scene.pose import evaluate_pose
 
 from ..environment import model as environment
+from ..post.lens import lens_defines
 from ..shading.views import PICTURE
 from .settings import PathSettings, Strategy
 
@@ -56,9 +57,13 @@ def emits(scene: Scene) -> NDArray[np.bool_]:
     return shown
 
 
-def path_defines(scene: Scene) -> Defines:
+def path_defines(scene: Scene, settings: Any) -> Defines:
     """Return the defines of paths.glsl besides those of rays/picture.py."""
-    return ("PATHS", 1), *((("EMITTERS", 1),) * bool(emits(scene).any()))
+    return (
+        ("PATHS", 1),
+        *((("EMITTERS", 1),) * bool(emits(scene).any())),
+        *((("LENS", 1), *lens_defines(settings)) if settings.post.aperture > 0.0 else ()),
+    )
 
 
 def knob_words(knobs: PathSettings) -> tuple[int, int, int, int]:

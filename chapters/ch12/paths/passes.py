@@ -91,7 +91,7 @@ class PathsPass(RayPicturePass):
         energy = ENERGIES.index(settings.environment.energy)
         return (
             *picture.surface_defines(scene, settings, self._draws.used),
-            *model.path_defines(scene),
+            *model.path_defines(scene, settings),
             *((("ENVIRONMENT", 1), ("ENERGY", energy)) if sky else ()),
             ("PATH_BINDING", self._behind_structures()),
         )

@@ -40,6 +40,8 @@ bool path_occluded(Ray ray) {
     return occluded(ray, SOLID);
 }
 
+#include "paths/lens.glsl"
+
 bool two_sided(uint instance) {
     return (uint(materials[instance_of(instance).material].uv_rows[1].w) & uint(DOUBLE_SIDED_FLAG)) != 0u;
 }
@@ -191,6 +193,9 @@ void run(uvec3 id) {
     bool goes_on = path.samples.z != 0u;
     vec4 sum = goes_on ? imageLoad(paths_before, pixel) : vec4(0.0), own = vec4(0.0);
     vec2 squares = goes_on ? imageLoad(squares_before, pixel).xy : vec2(0.0), own_squares = vec2(0.0);
+#ifdef LENS
+    float focus = focus_ahead();
+#endif
     uint count = goes_on && is_done(pixel, size) ? 0u : path.samples.y;
     for (uint i = 0u; i < count; ++i) {
         uint number = path.samples.x + i;
@@ -199,6 +204,9 @@ void run(uvec3 id) {
         place = (path.knobs.w & PATH_BOX) != 0u ? place : vec2(0.5);
         CameraRay seen = camera_ray(
             (vec2(pixel) + place) / vec2(size), frame.view_from_clip, frame.world_from_view, frame.orthographic != 0u);
+#ifdef LENS
+        seen = through_lens(seen, focus, random_2d(random));
+#endif
         vec3 light = light_of_path(Ray(seen.origin, path_begin(i), seen.direction, FAR), random) / exposure();
         float seen2 = luminance(light) * luminance(light);
         if (all(lessThan(abs(vec4(light, seen2)), vec4(FAR)))) {  // neither NaN nor infinite

@@ -6,8 +6,8 @@
 #include "sobol.glsl"
 
 const uint PAIR_PIXEL = 0u;
-const uint PAIR_BOUNCE = 1u;  // the first one of a reflection
-const uint PAIRS = 6u;        // pairs of a reflection
+const uint PAIR_BOUNCE = 2u;  // the first one of a reflection, behind those of the pixel and of the lens
+const uint PAIRS = 5u;        // pairs of a reflection
 
 struct Random {
     uint state;  // of PCG
