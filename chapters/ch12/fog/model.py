@@ -44,8 +44,8 @@ VIEWS = ("fog-slices", "fog-transmittance")
 
 
 def wanted(settings: Any) -> bool:
-    """Whether the settings allow froxels: in the picture and in its views; other views show surfaces alone."""
-    return bool(settings.fog.fog and not settings.paths.path_tracer and settings.shading.view in ("picture", *VIEWS))
+    """Whether the settings allow fog: in the picture and in its views; other views show surfaces alone."""
+    return bool(settings.fog.fog and settings.shading.view in ("picture", *VIEWS))
 
 
 def medium_of(scene: Scene, knobs: FogSettings) -> Medium:
@@ -74,8 +74,8 @@ def needed(scene: Scene, settings: Any) -> bool:
 
 
 def in_use(scene: Scene, settings: Any) -> bool:
-    """Whether frames have froxels: a view of slices shows their places alone."""
-    return needed(scene, settings) and settings.shading.view != VIEWS[0]
+    """Whether frames have froxels: a view of slices shows their places alone, and paths meet the medium itself."""
+    return needed(scene, settings) and settings.shading.view != VIEWS[0] and not settings.paths.path_tracer
 
 
 def check(scene: Scene, settings: Any) -> None:

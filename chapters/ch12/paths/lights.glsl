@@ -20,9 +20,27 @@ struct LightRay {
 
 const LightRay NO_RAY = LightRay(Ray(vec3(0.0), 0.0, vec3(0.0), 0.0), vec3(0.0));
 
-// A surface reflects light from the side of its triangle from which it is seen, whatever its normal says.
+#include "paths/medium.glsl"
+
+// A surface reflects light from the side of its triangle from which it is seen, whatever its normal says. The albedo of a medium
+// is in what the path carries.
 vec3 reflected(Bsdf bsdf, Surface s, vec3 to_light, vec3 view) {
+#ifdef FOG
+    if (in_medium) {
+        return vec3(phase_towards(to_light, view));
+    }
+#endif
     return dot(to_light, s.flat_normal) > 0.0 ? bsdf_value(bsdf, s.normal, to_light, view) : vec3(0.0);
+}
+
+// The density with which a path goes on in a direction.
+float reflected_pdf(Bsdf bsdf, Surface s, vec3 to_light, vec3 view) {
+#ifdef FOG
+    if (in_medium) {
+        return phase_towards(to_light, view);
+    }
+#endif
+    return bsdf_pdf(bsdf, s.normal, to_light, view);
 }
 
 #ifdef LIT
@@ -83,7 +101,7 @@ LightRay ray_to_environment(Surface s, Bsdf bsdf, vec3 view, uvec2 bits, vec2 u)
     if (value == vec3(0.0) || pdf <= 0.0) {
         return NO_RAY;
     }
-    value *= environment_along(direction) * (weight_of(pdf, bsdf_pdf(bsdf, s.normal, direction, view)) / pdf);
+    value *= environment_along(direction) * (weight_of(pdf, reflected_pdf(bsdf, s, direction, view)) / pdf);
     return LightRay(Ray(ray_origin(s.at, direction), 0.0, direction, FAR), value);
 }
 #endif
@@ -158,7 +176,7 @@ LightRay ray_to_emitter(Surface s, Bsdf bsdf, vec3 view, uvec2 bits, vec2 u) {
         emission *= masked ? float(alpha >= material.emissive.a) : clamp(alpha, 0.0, 1.0);
     }
 #endif
-    value *= emission * (weight_of(pdf, bsdf_pdf(bsdf, s.normal, direction, view)) / pdf);
+    value *= emission * (weight_of(pdf, reflected_pdf(bsdf, s, direction, view)) / pdf);
     vec3 origin = ray_origin(s.at, direction);
     // Up to where rays begin that leave the point: the triangle itself is not in the way.
     return LightRay(Ray(origin, 0.0, ray_origin(point, -direction) - origin, 1.0), value);

@@ -92,69 +92,112 @@ Bsdf bsdf_at(Surface s, vec3 view) {
 #endif
 }
 
+#ifdef FOG
+// Moves the path to a collision before the hit, if there is one: the surface there has a position alone.
+bool collides(Ray ray, float begin, Hit hit, inout Random random, inout Surface s, inout vec3 carried) {
+    vec3 albedo;
+    float at = collision(ray, begin, hit.instance == NO_HIT ? FAR : hit.t, random, albedo);
+    in_medium = at < FAR;
+    if (in_medium) {
+        s.at = SurfacePoint(ray.origin + at * ray.direction, vec3(0.0), 0.0);
+        s.lit = true;
+        carried *= albedo;
+    }
+    return in_medium;
+}
+#endif
+
+// What rays towards light bring to the surface, or the collision, at which the path is.
+vec3 direct_light(Surface s, Bsdf bsdf, vec3 view, float begin, inout Random random) {
+    vec3 color = vec3(0.0);
+    uint lights = 0u, rays = 0u;
+#ifdef LIT
+    bool one = (path.knobs.w & PATH_ONE_LIGHT) != 0u;
+    lights = rays = one ? min(light_count.x, 1u) : light_count.x;
+#endif
+#if defined(ENVIRONMENT) || defined(EMITTERS)
+    rays += uint(path.knobs.z != STRATEGY_BSDF);
+#endif
+    for (uint i = 0u; i < rays; ++i) {
+        LightRay towards = NO_RAY;
+#ifdef LIT
+        if (i < lights) {
+            towards = one ? ray_to_one_light(s, bsdf, view, random.state) : ray_to_light(i, s, bsdf, view);
+        }
+#endif
+#if defined(ENVIRONMENT) || defined(EMITTERS)
+        if (i >= lights) {
+            towards = ray_to_light_of_tables(s, bsdf, view, random);
+        }
+#endif
+        towards.ray.t_min = begin;
+        if (towards.value != vec3(0.0) && !path_occluded(towards.ray)) {
+#ifdef FOG
+            towards.value *= transmittance(towards.ray);
+#endif
+            color += towards.value;
+        }
+    }
+    return color;
+}
+
 // The light that arrives at the eye along a ray, by one path.
 vec3 light_of_path(Ray ray, Random random) {
     float begin = ray.t_min;  // next to 0 (paths/ray_seed.glsl)
     vec3 color = vec3(0.0), carried = vec3(1.0);
     float pdf = 0.0;  // of the direction of the ray, where a surface reflected it
-    int bounce = 0;
+    uint bounce = 0u;
     while (true) {
-        bool from_eye = bounce == 0;
+        bool from_eye = bounce == 0u;
         Hit hit = trace_path(ray, from_eye ? SEEN : SOLID);
-        if (hit.instance == NO_HIT) {
-            return color + carried * (from_eye ? background_along(ray.direction) : surroundings_along(ray.direction, pdf));
-        }
-        Surface s = surface_at(hit, ray.direction);
-        bool behind = (hit.flags & HIT_BACK) != 0u && !two_sided(hit.instance);
-        if (behind && from_eye) {  // backs are not drawn, either
-            ray.t_min = hit.t;
-            continue;
-        }
-        s.normal = behind ? -s.normal : s.normal;
-        if (!behind && s.emission != vec3(0.0)) {
-            color += carried * s.emission * (from_eye ? 1.0 : emission_share(hit, s, ray.direction, pdf));
-        }
-        if (!s.lit || bounce >= int(path.knobs.x)) {
-            return color;
-        }
+        Surface s;
+        Bsdf bsdf;
         vec3 view = -ray.direction;
-        Bsdf bsdf = bsdf_at(s, view);
-        random.pair = PAIR_BOUNCE + PAIRS * uint(bounce);
-        vec2 choice = random_2d(random), u = random_2d(random);
-        uint lights = 0u, rays = 0u;
-#ifdef LIT
-        bool one = (path.knobs.w & PATH_ONE_LIGHT) != 0u;
-        lights = rays = one ? min(light_count.x, 1u) : light_count.x;
+        bool on_surface = true;
+#ifdef FOG
+        on_surface = !collides(ray, ray.t_min, hit, random, s, carried);
 #endif
-#if defined(ENVIRONMENT) || defined(EMITTERS)
-        rays += uint(path.knobs.z != STRATEGY_BSDF);
-#endif
-        for (uint i = 0u; i < rays; ++i) {
-            LightRay towards = NO_RAY;
-#ifdef LIT
-            if (i < lights) {
-                towards = one ? ray_to_one_light(s, bsdf, view, random.state) : ray_to_light(i, s, bsdf, view);
+        if (on_surface) {
+            if (hit.instance == NO_HIT) {
+                return color
+                    + carried * (from_eye ? background_along(ray.direction) : surroundings_along(ray.direction, pdf));
             }
-#endif
-#if defined(ENVIRONMENT) || defined(EMITTERS)
-            if (i >= lights) {
-                towards = ray_to_light_of_tables(s, bsdf, view, random);
+            s = surface_at(hit, ray.direction);
+            bool behind = (hit.flags & HIT_BACK) != 0u && !two_sided(hit.instance);
+            if (behind && from_eye) {  // backs are not drawn, either
+                ray.t_min = hit.t;
+                continue;
             }
-#endif
-            towards.ray.t_min = begin;
-            if (towards.value != vec3(0.0) && !path_occluded(towards.ray)) {
-                color += carried * towards.value;
+            s.normal = behind ? -s.normal : s.normal;
+            if (!behind && s.emission != vec3(0.0)) {
+                color += carried * s.emission * (from_eye ? 1.0 : emission_share(hit, s, ray.direction, pdf));
             }
+            bsdf = bsdf_at(s, view);
         }
-        BsdfSample next = bsdf_sample(vec3(choice.x, u), bsdf, s.normal, view);
-        carried *= next.weight;
-        if (carried == vec3(0.0) || dot(next.direction, s.flat_normal) <= 0.0) {
+        if (!s.lit || bounce >= path.knobs.x) {
             return color;
         }
-        pdf = next.pdf;
+        random.pair = PAIR_BOUNCE + PAIRS * bounce;
+        vec2 choice = random_2d(random), u = random_2d(random);
+        color += carried * direct_light(s, bsdf, view, begin, random);
+        BsdfSample next;
+        if (on_surface) {
+            next = bsdf_sample(vec3(choice.x, u), bsdf, s.normal, view);
+            carried *= dot(next.direction, s.flat_normal) > 0.0 ? next.weight : vec3(0.0);
+            pdf = next.pdf;
+        }
+#ifdef FOG
+        if (!on_surface) {
+            next.direction = scattered_direction(view, u);
+            pdf = phase_towards(next.direction, view);
+        }
+#endif
+        if (carried == vec3(0.0)) {
+            return color;
+        }
         ++bounce;
         // The path goes on with the probability of what it carries, and then stands for those that ended (Arvo and Kirk 1990).
-        if (bounce > int(path.knobs.y)) {
+        if (bounce > path.knobs.y) {
             float stays = min(max(carried.r, max(carried.g, carried.b)), 1.0);
             if (choice.y >= stays) {
                 return color;
