@@ -140,7 +140,7 @@ LESSON = Lesson(
         "paths/frame.glsl",
         "paths/random.glsl",
         "paths/lens.glsl",
-        "paths/medium.glsl",
+        "paths/collisions.glsl",
         "paths/ray_seed.glsl",
         "paths/error.glsl",
         "paths/paths.rgen",

@@ -134,7 +134,7 @@ def test_an_edge_out_of_focus_spreads_over_the_circle_of_a_thin_lens(chapter, fo
     size, far, tangent, f_number = (33, 5), 4.0, 0.25, 0.02
     glow = Material(**BLACK, emissive=(2.0, 1.0, 0.5), double_sided=True)
     square = placed((5.0, 0.0, -far), (10.0, 20.0), (0, 0, 1))
-    # Where the focus is found, it is that of a small square in the middle. It hides some of the edge: other rows see it.
+    # Where the focus is found, it is that of a small square in the middle. It hides some of the edge in its row.
     mark = placed((0.0, 0.0, -1.5), (1e-3, 1e-3), (0, 0, 1))
     scene = quad_scene(glow, matrices=(square, mark), instance_materials=(0, 0))
     view = View(np.eye(4), Perspective(2.0 * np.arctan(tangent), 0.05))

@@ -20,7 +20,7 @@ struct LightRay {
 
 const LightRay NO_RAY = LightRay(Ray(vec3(0.0), 0.0, vec3(0.0), 0.0), vec3(0.0));
 
-#include "paths/medium.glsl"
+#include "paths/collisions.glsl"
 
 // A surface reflects light from the side of its triangle from which it is seen, whatever its normal says. The albedo of a medium
 // is in what the path carries.

@@ -92,6 +92,10 @@ Bsdf bsdf_at(Surface s, vec3 view) {
 #endif
 }
 
+// What a collision in a medium has in place of a surface, until its position is known.
+const Surface NO_SURFACE = Surface(
+    SurfacePoint(vec3(0.0), vec3(0.0), 0.0), vec3(0.0), vec3(0.0), vec3(0.0), 0.0, 0.0, 0.0, vec3(0.0), true);
+
 #ifdef FOG
 // Moves the path to a collision before the hit, if there is one: the surface there has a position alone.
 bool collides(Ray ray, float begin, Hit hit, inout Random random, inout Surface s, inout vec3 carried) {
@@ -100,7 +104,6 @@ bool collides(Ray ray, float begin, Hit hit, inout Random random, inout Surface 
     in_medium = at < FAR;
     if (in_medium) {
         s.at = SurfacePoint(ray.origin + at * ray.direction, vec3(0.0), 0.0);
-        s.lit = true;
         carried *= albedo;
     }
     return in_medium;
@@ -150,8 +153,8 @@ vec3 light_of_path(Ray ray, Random random) {
     while (true) {
         bool from_eye = bounce == 0u;
         Hit hit = trace_path(ray, from_eye ? SEEN : SOLID);
-        Surface s;
-        Bsdf bsdf;
+        Surface s = NO_SURFACE;
+        Bsdf bsdf = Bsdf(vec3(0.0), 0.0, 1.0, ENERGY_GLTF, vec3(0.0), 0.0);
         vec3 view = -ray.direction;
         bool on_surface = true;
 #ifdef FOG
@@ -180,7 +183,7 @@ vec3 light_of_path(Ray ray, Random random) {
         random.pair = PAIR_BOUNCE + PAIRS * bounce;
         vec2 choice = random_2d(random), u = random_2d(random);
         color += carried * direct_light(s, bsdf, view, begin, random);
-        BsdfSample next;
+        BsdfSample next = BsdfSample(vec3(0.0), 0.0, vec3(0.0));
         if (on_surface) {
             next = bsdf_sample(vec3(choice.x, u), bsdf, s.normal, view);
             carried *= dot(next.direction, s.flat_normal) > 0.0 ? next.weight : vec3(0.0);
