@@ -201,3 +201,35 @@ def test_light_that_is_reflected_twice(chapter):
     assert abs(seen.mean() / truth.mean() - 1.0) < 0.02
     with opened(chapter, scene, path_bounces=1) as renderer:
         assert not light(renderer, ABOVE).any()
+
+
+@pytest.mark.feature("path-tracer/mis")
+def test_edits_of_what_emits_are_followed(chapter):
+    """A lamp is hidden, shown, put out and lit again; its triangles have places in the tables only while it emits."""
+    nits = np.array((5.0, 3.0, 1.0))
+    glow = Material(base_color=(0.0, 0.0, 0.0, 1.0), emissive=tuple(nits), roughness=1.0, metallic=1.0)
+    scene, truth = floor_under(glow), light_of_square(lambda lamp, direction: nits)
+    more = {"path_bounces": 1, "path_samples": 32, "path_filter": "centre"}
+    with opened(chapter, scene, **more) as renderer:
+
+        def seen(edit):
+            with scene.edit() as change:
+                edit(change)
+            return light(renderer, ABOVE, 2)
+
+        assert not seen(lambda change: change.set_visible(1, False)).any()
+        assert np.abs(seen(lambda change: change.set_visible(1, True)) - truth).mean() < 0.05 * truth.mean()
+        dark = replace(glow, emissive=(0.0, 0.0, 0.0))
+        assert not seen(lambda change: change.set_material(1, dark)).any()
+        half = replace(glow, emissive=tuple(0.5 * nits))
+        assert (
+            np.abs(2.0 * seen(lambda change: change.set_material(1, half)) - truth).mean()
+            < 0.05 * truth.mean()
+        )
+    # Of a scene that is opened dark there is no room for triangles: reflected rays find the lamp.
+    scene = floor_under(replace(glow, emissive=(0.0, 0.0, 0.0)))
+    with opened(chapter, scene, **more) as renderer:
+        assert not light(renderer, ABOVE).any()
+        with scene.edit() as change:
+            change.set_material(1, glow)
+        assert abs(light(renderer, ABOVE, 4).mean() / truth.mean() - 1.0) < 0.05

@@ -18,7 +18,7 @@ Float64 = NDArray[np.float64]
 
 SIZE = (24, 16)
 
-PATHS: dict[str, Any] = {**PLAIN, "path_tracer": True, "environment_size": 32}
+PATHS: dict[str, Any] = {**PLAIN, "path_tracer": True, "path_lights": "all", "environment_size": 32}
 """Settings of a picture in 32 bits that is traced by paths."""
 
 

@@ -136,6 +136,9 @@ float emitter_pdf_of(Hit hit, vec3 direction, vec3 flat_normal) {
 }
 
 LightRay ray_to_emitter(Surface s, Bsdf bsdf, vec3 view, uvec2 bits, vec2 u) {
+    if (path.tables.y == 0u) {  // edits have left none
+        return NO_RAY;
+    }
     float probability;
     uint number = drawn_from(path.tables.x, path.tables.y, bits, probability);
     uvec2 triangle = path_tables[path.tables.z + number].xy;

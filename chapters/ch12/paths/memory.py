@@ -8,8 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from common.errors import SceneError
-
 from ..frames.frame import SLOTS
 from .model import CELLS, Tables
 from .passes import BLOCK_BYTES, FRAME, GROUPS, TABLES, TOLD
@@ -26,7 +24,8 @@ class PathMemory:
         self.blocks = [self._create_block(BLOCK_BYTES, f"paths, slot {slot}") for slot in range(SLOTS)]
         self._mapped = [block.view(np.uint8).data for block in self.blocks]
         self.tables: Any = self._create_tables(tables.words)
-        self._room = tables.words.nbytes
+        self.room = tables.words.nbytes
+        """Bytes of the tables: those of the scene when it was opened."""
         self._told = [
             self._create_told(16 * GROUPS, f"errors of paths, slot {slot}") for slot in range(SLOTS)
         ]
@@ -35,11 +34,7 @@ class PathMemory:
         self._tables = tables
 
     def follow(self, tables: Tables) -> None:
-        """Have other tables from now on. Raises SceneError if they are larger than the first ones."""
-        if tables.words.nbytes > self._room:
-            raise SceneError(
-                "An edit gave this scene more emissive triangles: open the renderer again to trace it."
-            )
+        """Have other tables from now on, of `room` bytes at most."""
         self._tables = tables
         self._write_tables(self.tables, tables.words)
 

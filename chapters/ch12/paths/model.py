@@ -97,10 +97,17 @@ class Tables:
         return self.environment, self.emitters, self.triangles, self.instances
 
 
-def tables(scene: Scene, around: NDArray[np.uint32]) -> Tables:
-    """Return the tables of a scene whose environment has the entries `around` (`environment_entries`)."""
+def tables(scene: Scene, around: NDArray[np.uint32], most_bytes: int | None = None) -> Tables:
+    """Return the tables of a scene whose environment has the entries `around` (`environment_entries`).
+
+    Where they would take more than `most_bytes`, no rays are sent to triangles, and reflected rays alone find these.
+    """
     triangles, weights, first = emissive_triangles(scene)
     entries = alias_table(weights).words() if weights.any() else NOTHING
+    instances_bytes = 16 * -(-max(len(first), 1) // 4)
+    wanted = around.nbytes + entries.nbytes + 16 * len(triangles) + instances_bytes
+    if most_bytes is not None and wanted > most_bytes:
+        triangles, entries = triangles[:0], NOTHING
     places = np.zeros((len(triangles), 4), np.uint32)
     places[:, :2] = triangles
     instances = np.full(-(-max(len(first), 1) // 4) * 4, NO_LIGHT, np.uint32)

@@ -57,9 +57,13 @@ vec3 background_along(vec3 direction) {
 #endif
 }
 
-// The part of light that counts for a reflected ray with density `own`, where rays towards light have density `other`.
+// The part of light that counts for a reflected ray with density `own`, where rays towards light have density `other`. What
+// these cannot find counts in full.
 float share_of(float own, float other) {
-    return path.knobs.z == STRATEGY_MIS ? power_heuristic(own, other) : float(path.knobs.z == STRATEGY_BSDF);
+    if (path.knobs.z == STRATEGY_BSDF || other <= 0.0) {
+        return 1.0;
+    }
+    return path.knobs.z == STRATEGY_MIS ? power_heuristic(own, other) : 0.0;
 }
 
 // What arrives along a reflected ray that hits nothing, where it was drawn with density `pdf`.

@@ -74,7 +74,7 @@ class PathSettings:
         live=True,
     )
     path_lights: str = knob(
-        "all",
+        "one",
         "rays towards lights at each reflection: one to each light, or one in all, to a light that is drawn in "
         "proportion to what it adds without shadows",
         choices=get_args(Lights),

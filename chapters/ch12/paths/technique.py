@@ -52,10 +52,10 @@ class PathTechnique(Technique):
         trace.hold(tables.words.nbytes)
         tell.finish = self._memory.finish
 
-    def _tables(self) -> model.Tables:
+    def _tables(self, most_bytes: int | None = None) -> model.Tables:
         revision = self._scene.revision
         self._seen = revision[Change.MATERIALS], revision[Change.VISIBILITY]
-        tables = model.tables(self._scene, self._around)
+        tables = model.tables(self._scene, self._around, most_bytes)
         both = bool(tables.environment and tables.emitters)
         self._towards_environment = 0.5 if both else float(tables.environment > 0)
         return tables
@@ -67,7 +67,7 @@ class PathTechnique(Technique):
         knobs, revision = self._knobs, self._scene.revision
         self._size = frame.size
         if self._seen != (revision[Change.MATERIALS], revision[Change.VISIBILITY]):
-            self._memory.follow(self._tables())
+            self._memory.follow(self._tables(self._memory.room))
         if self._reset or not frame.still or self._state() != self._drawn:
             self._count, self._reset = 0, False
         self._drawn = self._state()
