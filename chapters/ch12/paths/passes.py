@@ -75,7 +75,7 @@ class PathsPass(RayPicturePass):
         self.writes = (
             Access(SUMS, "storage", format="rgba32f", stages=stages),
             Access(SQUARES, "storage", format="rgba32f", stages=stages),
-            Access(TRACED, "storage", format=format, stages=stages),
+            Access(TRACED, "storage", format=format, instead="color_hdr", stages=stages),
         )
 
     @staticmethod
