@@ -167,7 +167,7 @@ def environment_entries(panorama: Environment | None) -> NDArray[np.uint32]:
 
 
 def cell_radiance(pixels: NDArray[np.float64], size: int) -> NDArray[np.float64]:
-    """Return (6, size, size) the mean of a panorama (H, 2H) over each texel of a cube map; no light is lost."""
+    """Return (6, size, size) the mean of the pixels of a panorama (H, 2H) that fall in each texel of a cube."""
     enough = 8 * size
     parts = -(-enough // len(pixels))
     while len(pixels) >= 2 * enough and len(pixels) % 2 == 0:
@@ -178,6 +178,9 @@ def cell_radiance(pixels: NDArray[np.float64], size: int) -> NDArray[np.float64]
     face, place = cube_uv(panorama_direction(uv))
     texel = np.clip((place * size).astype(np.intp), 0, size - 1)
     number = (face * size + texel[..., 1]) * size + texel[..., 0]
-    power = pixels * panorama_solid_angles(rows)
-    sums = np.bincount(number.reshape(-1), power.reshape(-1), 6 * size * size).reshape(6, size, size)
-    return np.asarray(sums / cube_solid_angles(size))
+    angles = np.broadcast_to(panorama_solid_angles(rows), pixels.shape).reshape(-1)
+    cells = 6 * size * size
+    power, whole = (
+        np.bincount(number.reshape(-1), weight, cells) for weight in (pixels.reshape(-1) * angles, angles)
+    )
+    return np.asarray((power / whole).reshape(6, size, size))
