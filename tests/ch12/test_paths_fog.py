@@ -104,6 +104,7 @@ def test_a_white_medium_in_a_furnace_cannot_be_seen(chapter):
         assert_agrees(z_scores(seen, 1.0))
 
 
+@pytest.mark.long
 @pytest.mark.variants("vulkan")
 @pytest.mark.feature("path-tracer/mis")
 def test_strategies_agree_in_a_medium(chapter):
