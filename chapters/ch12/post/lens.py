@@ -37,7 +37,8 @@ class Settings(Protocol):
 
 def needed(scene: Scene, settings: Settings) -> bool:
     """Whether anything can be out of focus: not through a pinhole, and not where a view shows numbers."""
-    drawn = settings.shading.view == PICTURE and not settings.paths.path_tracer  # paths go through it themselves
+    # Paths go through the lens themselves.
+    drawn = settings.shading.view == PICTURE and not settings.paths.path_tracer
     return settings.post.aperture > 0.0 and drawn and len(scene.instances) > 0
 
 

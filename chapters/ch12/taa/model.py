@@ -33,7 +33,7 @@ HARRIS_MEAN = 0.35875
 
 
 def in_use(settings: Settings) -> bool:
-    """Whether frames have a history of colour; a view of a quantity is shown as it is, and paths have sums of their own."""
+    """Whether frames have a history of colour; a view of a quantity is shown as it is, and paths have sums."""
     return settings.taa.taa != "off" and settings.shading.view == PICTURE and not settings.paths.path_tracer
 
 
