@@ -97,7 +97,6 @@ UNKNOWN_TARGETS = {
     "chapters/ch09/frames/backend/backend.py": "the module of an API, beside it or in a subject's folder",
     "chapters/ch10/frames/backend/backend.py": "the module of an API, beside it or in a subject's folder",
     "chapters/ch11/frames/backend/backend.py": "the module of an API, beside it or in a subject's folder",
-    "chapters/ch12/benches/rays.py": "the module of an API beside it",
     "chapters/ch12/frames/backend/backend.py": "the module of an API, beside it or in a subject's folder",
     "backends/vulkan/api.py": "one file of the package vulkan, without the package",
     "common/packages.py": "a package that may be missing; what calls `load` is looked at instead",

@@ -57,7 +57,6 @@ def lit(matrices, lamp, pose, material=MATTE):
     return replace(scene, lights=[replace(lamp, node=len(matrices))], nodes=nodes_at(*matrices, pose))
 
 
-@pytest.mark.core
 def test_a_plane_under_grazing_light_does_not_shade_itself(chapter, case):
     """Every pixel of the plane has the light that it would have without shadows, under an angle of 0.02 degrees."""
     angle = np.radians(0.02)
@@ -85,7 +84,6 @@ def test_a_closed_box_stays_dark_inside(chapter, case):
         assert not seen.any(), way
 
 
-@pytest.mark.core
 def test_a_shadow_begins_where_a_wall_stands_on_the_ground(chapter, case):
     """Light comes from behind the wall: the ground in front of it is dark up to a thousandth of the wall's height."""
     lamp, pose = sun((0.0, -1.0, 1.0), lux=1e4)

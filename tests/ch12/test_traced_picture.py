@@ -110,7 +110,6 @@ def test_without_shadows_and_mirrors_it_is_the_rasterised_picture(chapter, view,
         assert (np.abs(traced - drawn).max(axis=-1) > RASTER * drawn.max()).mean() < 0.02, way
 
 
-@pytest.mark.core
 def test_beside_the_split_both_pictures_are_there(chapter):
     """Left of it the rasterised one to the bit, right of it the traced one."""
     way = ways_of(chapter)[0]
@@ -151,7 +150,6 @@ def test_a_square_casts_the_shadow_of_its_outline(chapter):
         assert near.std() < 0.02 * near.mean(), way
 
 
-@pytest.mark.core
 @pytest.mark.parametrize("view", [PITCHED, pytest.param(FLAT, marks=pytest.mark.long)], ids=LENSES)
 def test_a_mirror_shows_the_mirrored_wall(chapter, view):
     """The floor shows the wall where the mirrored ray meets it, else the background; without such rays, nothing."""
@@ -179,7 +177,6 @@ def shapes():
     return soup_scene([soup(20, 1), soup(16, 2)], [(k % 2, matrix) for k, matrix in enumerate(placements())])
 
 
-@pytest.mark.core
 @pytest.mark.feature("ray-tracing/camera-rays")
 @pytest.mark.parametrize("view", [pytest.param(ACROSS, marks=pytest.mark.long), ALONG], ids=LENSES)
 def test_views_show_what_every_triangle_says(chapter, view):

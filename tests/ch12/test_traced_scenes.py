@@ -162,7 +162,6 @@ def test_a_masked_surface_ends_where_its_alpha_falls_below_the_cutoff(chapter):
         assert np.abs(seen[~there] - (0.8, 0.6, 0.4)).max() < 1e-6, way
 
 
-@pytest.mark.core
 @pytest.mark.feature("ray-tracing/any-hit-and-intersection")
 def test_a_blended_surface_stops_the_share_alpha_of_rays(chapter):
     """Two surfaces of alpha 0.3 and 0.5: white, then 0.7 * 0.5 grey, and the rest goes on. Lots of pixels are the same

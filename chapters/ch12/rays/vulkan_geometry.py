@@ -12,8 +12,17 @@ _COMPACTS = vk.VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR
 _UPDATES = vk.VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR
 
 
+class _Source:
+    refits: bool
+
+    @property
+    def flags(self) -> int:
+        """The flags of its builds."""
+        return int(_FAST | (_UPDATES if self.refits else _COMPACTS))
+
+
 @dataclass(frozen=True)
-class MeshGeometry:
+class MeshGeometry(_Source):
     """The triangles of a mesh: addresses of its vertices (three floats each) and of its indices, and their numbers.
 
     One that `refits` is updated when its vertices have moved; the others are compacted.
@@ -44,14 +53,9 @@ class MeshGeometry:
             "geometry": {"triangles": triangles},
         }
 
-    @property
-    def flags(self) -> int:
-        """The flags of its builds."""
-        return int(_FAST | (_UPDATES if self.refits else _COMPACTS))
-
 
 @dataclass(frozen=True)
-class BoxGeometry:
+class BoxGeometry(_Source):
     """Boxes, in which intersection shaders look for surfaces: the address of six floats each, low and high corners."""
 
     boxes: int
@@ -71,11 +75,6 @@ class BoxGeometry:
             "geometryType": vk.VK_GEOMETRY_TYPE_AABBS_KHR,
             "geometry": {"aabbs": data},
         }
-
-    @property
-    def flags(self) -> int:
-        """The flags of its builds."""
-        return int(_FAST | (_UPDATES if self.refits else _COMPACTS))
 
 
 Geometry = MeshGeometry | BoxGeometry
