@@ -142,12 +142,12 @@ def build_all(
             prims, boxes, centres = prims[rest], _rows(boxes, rest), _rows(centres, rest)
         tree, first, count = owner[~is_leaf], firsts[~is_leaf], both[~is_leaf]
     # Nodes and leaves stand by levels; sorted by trees, which keeps levels in order, they are cut apart.
-    node_tree, *made = (np.concatenate(parts) for parts in zip(*nodes, strict=True))
+    node_tree, *boxed = (np.concatenate(parts) for parts in zip(*nodes, strict=True))
     leaf_tree, leaf_first, leaf_count = (np.concatenate(parts) for parts in zip(*leaves, strict=True))
     by_node, by_leaf = (np.argsort(it, kind="stable") for it in (node_tree, leaf_tree))
     columns = (
         cut(order - np.repeat(begins, sizes), sizes),
-        *(cut(part[by_node], inner) for part in made),
+        *(cut(part[by_node], inner) for part in boxed),
         cut((leaf_first - begins[leaf_tree])[by_leaf], leaf),
         cut(leaf_count[by_leaf], leaf),
         [np.unique(level).tolist() for level in np.stack(levels, axis=1)],
