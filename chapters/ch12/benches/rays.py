@@ -152,7 +152,7 @@ class _Scene:
         for number in range(rounds):
             step("builds", 0.3 * number / rounds)
             began = clock.perf_counter()
-            trees = [pack.mesh_tree(positions, indices) for indices, positions in geometry.meshes]
+            trees = pack.mesh_trees([(positions, indices) for indices, positions in geometry.meshes])
             self._buffers = pack.buffers(trees, geometry.matrices, geometry.mesh_of)
             ours.append(1e3 * (clock.perf_counter() - began))
             if self._gpu.ways:

@@ -68,12 +68,8 @@ class BvhMemory:
     def _content(self) -> dict[str, NDArray[np.uint8]]:
         """Build the trees, and return the content of all buffers as bytes, by name."""
         scene = self._scene
-        trees = [
-            pack.mesh_tree(
-                *_turned(mesh_triangles(scene, mesh)), mesh=mesh, deforming=mesh in self._deforming
-            )
-            for mesh in range(len(scene.meshes))
-        ]
+        meshes = [_turned(mesh_triangles(scene, mesh)) for mesh in range(len(scene.meshes))]
+        trees = pack.mesh_trees(meshes, deforming=self._deforming)
         matrices = np.array(evaluate_pose(scene, 0.0).world_from_object, np.float64)
         matrices[:, :3, 3] -= scene.origin
         try:
