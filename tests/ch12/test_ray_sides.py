@@ -1,4 +1,4 @@
-"""Surfaces with one side: rays from the eye and from mirrors skip their backs, rays to lights skip what casts nothing."""
+"""Surfaces with one side: rays from the eye and from mirrors skip backs, rays to lights what casts no shadow."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def plates() -> Scene:
 
 @pytest.mark.parametrize("sides", ["both", "front"])
 def test_the_sides_that_cast_shadows_are_those_of_shadow_maps(chapter, sides):
-    """A plate that turns its back to the sun has a shadow, unless fronts alone cast them. The eye does not see its back."""
+    """A plate that turns its back to the sun has a shadow if both sides cast them. The eye does not see its back."""
     column = int((0.4 - HEIGHT * np.tan(TILT) + 1) / 2 * SIZE)
     rows = [int((1 - y) / 2 * SIZE) for y in PLACES]
     wanted = [True, sides == "both", True]
