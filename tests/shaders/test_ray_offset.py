@@ -75,7 +75,9 @@ def run(device, given, plain=False):
     OpenGL drivers have room for few storage buffers, so what belongs together shares one: there are twelve.
     """
     packed = {name: given[name] for name in ("row0", "row1", "row2", "c")}
-    packed |= {f"inverse{i}": np.column_stack([given[f"inverse{i}"], given["direction"][:, i]]) for i in range(3)}
+    packed |= {
+        f"inverse{i}": np.column_stack([given[f"inverse{i}"], given["direction"][:, i]]) for i in range(3)
+    }
     packed |= {"a_u": np.column_stack([given["a"], given["at"][:, 0]])}
     packed |= {"b_v": np.column_stack([given["b"], given["at"][:, 1]])}
     got = evaluate(device, FILES, BODY, packed, RESULTS, defines={"PLAIN": "true" if plain else "false"})
