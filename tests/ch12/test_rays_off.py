@@ -18,7 +18,7 @@ from tests.support.frame_costs import chapter_before
 from tests.support.ray_scenes import placements, soup, soup_scene, world_triangles
 from tests.support.scenes import facing
 from tests.support.shadows import PLAIN, point, yard
-from tests.support.traced_pictures import SIZE, light, opened, picture, primary_rays, ways_of
+from tests.support.traced_pictures import SIZE, light, off_edges, opened, picture, primary_rays, ways_of
 from tests.twins.brute_rays import nearest
 
 pytestmark = pytest.mark.variants("vulkan", "gl")
@@ -135,7 +135,23 @@ def test_triangles_without_area_or_with_nan_change_nothing(chapter):
 # --- sizes, histories ---
 
 
+REACH, COSINE, LAMP_HEIGHT = 11.0, 0.22, 1.5
+"""Of `court` in VIEW: metres to the farthest surface, the cosine there, and metres from the lamp to the nearest one."""
+
+ROUNDED = 2 * 16 * 2.0**-24 * REACH / COSINE * 3.0 / LAMP_HEIGHT
+"""What two structures of one scene may change of a lit pixel, as a share of its light: 1.9e-4, a twentieth of an 8-bit
+step.
+
+A driver may build the same structure in another order, with the corners of a triangle in another order. Then the hit
+comes from other roundings, each of 2^-24: a corner's difference to the origin (1), the shear (2), an edge function (3),
+the sum of three (2) and the quotient (1) make 9, and 16 with those of the instance's matrix (7). So each of two places
+is off by 16 * 2^-24 of the distance, divided by the cosine of incidence. Light falls with the square of the distance r
+to the lamp and once with its cosine, so a step s along the surface changes it by 3 s / r at most.
+"""
+
+
 def test_a_renderer_of_another_size_shows_another_picture(chapter):
+    """The picture of a renderer opened with that size: to ROUNDED, off edges, where a rounding decides what is hit."""
     way = ways_of(chapter)[0]
     for size in ((1, 1), (7, 3), (33, 17)):
         seen = picture(chapter, court(), VIEW, size, ray_way=way)
@@ -143,7 +159,10 @@ def test_a_renderer_of_another_size_shows_another_picture(chapter):
     with opened(chapter, court(), ray_way=way) as renderer:
         light(renderer, VIEW)
         renderer.resize((24, 18))
-        assert np.array_equal(light(renderer, VIEW), picture(chapter, court(), VIEW, (24, 18), ray_way=way))
+        seen, wanted = light(renderer, VIEW), picture(chapter, court(), VIEW, (24, 18), ray_way=way)
+    assert seen.shape == wanted.shape == (18, 24, 3) and wanted.max() > 0
+    differs = np.abs(seen - wanted).max(axis=-1) > ROUNDED * wanted.max()
+    assert not differs[off_edges(wanted, 0.05 * wanted.max())].any() and differs.sum() <= 4
 
 
 def test_a_history_takes_the_traced_picture(chapter):

@@ -14,7 +14,7 @@ from common.scene import Light, Material
 from common.view.camera import Orthographic, Perspective, View
 from tests.support.chapter import Chapter
 from tests.support.mirrors import FLAT, PITCHED, mirror_and_wall, mirror_of
-from tests.support.ray_scenes import placements, soup, soup_scene, world_triangles
+from tests.support.ray_scenes import placements, soup, soup_scene, two_sided, world_triangles
 from tests.support.scenes import nodes_at, quad_scene, translated
 from tests.support.shadows import placed, point, yard
 from tests.support.traced_pictures import (
@@ -173,8 +173,11 @@ def test_a_mirror_shows_the_mirrored_wall(chapter, view):
 
 
 def shapes():
-    """Return random triangles: as they are, turned, squeezed and mirrored, one of the four hidden."""
-    return soup_scene([soup(20, 1), soup(16, 2)], [(k % 2, matrix) for k, matrix in enumerate(placements())])
+    """Return random triangles: as they are, turned, squeezed and mirrored; every second instance has one side."""
+    drawn = [(k % 2, matrix) for k, matrix in enumerate(placements())]
+    return soup_scene(
+        [soup(20, 1), soup(16, 2)], drawn, (Material(double_sided=True), Material()), material_of=(0, 1)
+    )
 
 
 @pytest.mark.feature("ray-tracing/camera-rays")
@@ -184,7 +187,10 @@ def test_views_show_what_every_triangle_says(chapter, view):
     with scene.edit() as edit:
         edit.set_visible(2, False)
     origins, directions = primary_rays(view, SIZE)
-    truth = nearest(origins - scene.origin, directions, 0.0, 1e4, *world_triangles(scene))
+    triangles, ids = world_triangles(scene)
+    truth = nearest(origins - scene.origin, directions, 0.0, 1e4, triangles, ids, backs=two_sided(scene, ids))
+    both = nearest(origins - scene.origin, directions, 0.0, 1e4, triangles, ids)
+    assert ((both.instance != truth.instance) & (truth.margin > 1e-4)).sum() > 10
     hit = truth.instance >= 0
     sure, scale = truth.margin > 1e-4, scene.length_scale
     assert sure.mean() > 0.8 and {0, 1, 3} == set(truth.instance[hit & sure].tolist())

@@ -165,7 +165,12 @@ def test_a_masked_surface_ends_where_its_alpha_falls_below_the_cutoff(chapter):
 @pytest.mark.feature("ray-tracing/any-hit-and-intersection")
 def test_a_blended_surface_stops_the_share_alpha_of_rays(chapter):
     """Two surfaces of alpha 0.3 and 0.5: white, then 0.7 * 0.5 grey, and the rest goes on. Lots of pixels are the same
-    by every way and for any number of tiles. The bound is four standard deviations of a binomial distribution."""
+    by every way and for any number of tiles. The bound is four standard deviations of a binomial distribution.
+
+    Pixels whose rays aim at the diagonal, an edge of both triangles, are left out: a way may name either one there,
+    and the hash takes its number. Other rays are 1/64 of a side away, where roundings change no triangle: there the
+    bits are equal, as the colours of unlit surfaces come from no arithmetic with the place of a hit.
+    """
     first = replace(WHITE, base_color=(1.0, 1.0, 1.0, 0.3), alpha_mode="blend")
     second = replace(WHITE, base_color=(0.5, 0.5, 0.5, 0.5), alpha_mode="blend")
     scene = quad_scene(
@@ -176,8 +181,11 @@ def test_a_blended_surface_stops_the_share_alpha_of_rays(chapter):
         renderer.techniques["rays"]._tiles.count = 16
         seen["tiles"] = light(renderer, facing())
         assert renderer.render(facing()).work["ray_tiles"] == 16
+    rows, columns = np.mgrid[:64, :64]
+    inside = rows + columns != 63  # the diagonal leads from the lower left corner to the upper right one
     for one in seen.values():
-        assert np.array_equal(one, seen["tiles"])
+        assert np.array_equal(one[inside], seen["tiles"][inside])
+        assert np.isin(one[..., 0], (1.0, 0.5, 0.0)).all()
     for value, share in ((1.0, 0.3), (0.5, 0.35), (0.0, 0.35)):
         found = (seen["tiles"][..., 0] == value).mean()
         assert abs(found - share) < 4 * np.sqrt(share * (1 - share)) / 64, value

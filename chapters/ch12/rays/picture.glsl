@@ -1,6 +1,8 @@
 // A traced picture: a ray from the eye through each pixel, a ray from each hit towards each light, and from smooth
 // surfaces a ray in the mirrored direction. Light is that of the rasterised picture (shading/lighting.frag) otherwise.
 //
+// Rays from the eye and from mirrors skip the backs of single-sided surfaces, as a rasterised picture from their place does.
+//
 // This text is one function of the number of a pixel in its tile. It is a raygen shader, a kernel with ray queries, or a kernel that
 // traverses our own BVH.
 
@@ -25,7 +27,8 @@ layout(BIND(3, TARGET_BINDING, 0), FORMAT) uniform writeonly image2D color_trace
 const float FAR = 3.402823e38;
 
 // The light of the scene's lights that a surface reflects towards `view`. A light behind another surface adds nothing; blended
-// and unlit surfaces cast no shadow (shadows/passes.py).
+// and unlit surfaces cast no shadow, and either side of others does (shadows/passes.py). With shadow_sides=front only the
+// side that sees the light does: a ray towards the light leaves the surface through its back.
 vec3 light_of_lights(Surface s, vec3 view, float alpha) {
     vec3 sum = vec3(0.0);
     for (uint i = 0u; i < light_count.x; ++i) {
@@ -41,7 +44,7 @@ vec3 light_of_lights(Surface s, vec3 view, float alpha) {
         }
         vec3 origin = ray_origin(s.at, to_light);
         float far = lights[i].kind == LIGHT_DIRECTIONAL ? FAR : dot(lights[i].position - origin, to_light);
-        if (occluded(Ray(origin, 0.0, to_light, far), CASTERS)) {
+        if (occluded(Ray(origin, 0.0, to_light, far), CASTERS, CASTING_SIDES)) {
             continue;
         }
 #endif
@@ -88,7 +91,7 @@ vec3 light_along(Ray ray) {
     float roughness = 0.0;
     bool nothing = false;
     for (int bounce = 0;; ++bounce) {
-        Hit hit = trace(ray, 0xffu);
+        Hit hit = trace(ray, 0xffu, SKIP_BACKS);
         nothing = hit.instance == NO_HIT;
         if (nothing) {
             break;
@@ -122,7 +125,7 @@ vec3 light_along(Ray ray) {
 
 // What a view shows of the first hit, as colours between 0 and 1.
 vec3 shown_of(Ray ray) {
-    Hit hit = trace(ray, 0xffu);
+    Hit hit = trace(ray, 0xffu, SKIP_BACKS);
 #if RAY_VIEW == 4
     return heat(float(bvh_steps) * (1.0 / 128.0));
 #endif

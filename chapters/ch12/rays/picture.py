@@ -84,6 +84,11 @@ def variant_of_all(variants: Sequence[Variant]) -> Variant:
     return Variant(kept, "opaque", False, roles)
 
 
+def casting_sides(settings: Any) -> str:
+    """Return the sides of single-sided surfaces that rays to a light skip: those that cast none in shadow maps."""
+    return "SKIP_FRONTS" if settings.shadows.shadow_sides == "front" else "0u"
+
+
 def picture_defines(scene: Scene, settings: Any, used: Sequence[int]) -> Defines:
     """Return what picture.glsl is built with, besides the variant of its materials."""
     knobs = settings.rays
@@ -98,6 +103,7 @@ def picture_defines(scene: Scene, settings: Any, used: Sequence[int]) -> Defines
         *((("TANGENTS_DERIVED", 1),) if settings.visibility.tangents == "derived" else ()),
         *(() if opaque_materials(scene)[list(used)].all() else (("NON_OPAQUE", 1),)),
         *((("SHADOW_RAYS", 1), ("CASTERS", f"{SURFACES}u")) if knobs.ray_shadows else ()),
+        *((("CASTING_SIDES", casting_sides(settings)),) if knobs.ray_shadows else ()),
         ("BOUNCES", int(knobs.ray_bounces)),
         ("MIRROR", float(knobs.ray_mirror)),
         ("RAY_VIEW", get_args(View).index(knobs.ray_view)),

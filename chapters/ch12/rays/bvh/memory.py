@@ -22,11 +22,11 @@ from ...pipelines.compute_description import ComputeDescription
 from ...pipelines.description import Built
 from ...scene.pages import mesh_records
 from ...scene.pass_parts import PassParts
-from ..model import check_count, masks, opaque_materials
+from ..model import check_count, masks, opaque_materials, two_sided
 from ..passes import BUFFERS
 from ..triangles import mesh_triangles
 from . import pack
-from .model import CONSTANTS, NON_OPAQUE
+from .model import CONSTANTS, NON_OPAQUE, TWO_SIDED
 
 TRIANGLES, NODES, INSTANCES = "triangles", "nodes", "instances"
 """The kernels: corners of triangles that deform, boxes of nodes, and records of instances."""
@@ -205,8 +205,9 @@ class BvhMemory:
 
 def _flags(scene: Scene) -> NDArray[np.uint32]:
     """Return (I,) the flags of records."""
-    opaque = opaque_materials(scene)[scene.meshes["material"][scene.instances.mesh]]
-    return np.where(opaque, 0, NON_OPAQUE).astype(np.uint32)
+    flags = np.where(opaque_materials(scene), 0, NON_OPAQUE) + np.where(two_sided(scene), TWO_SIDED, 0)
+    of_instance: NDArray[np.uint32] = flags.astype(np.uint32)[scene.meshes["material"][scene.instances.mesh]]
+    return of_instance
 
 
 def _turned(triangles: tuple[NDArray[np.uint32], NDArray[np.float32]]) -> tuple[Any, Any]:

@@ -43,7 +43,7 @@ SlabRay bvh_slabs(uint root, vec3 origin, vec3 direction, float roundings) {
         origin, direction, empty ? vec3(0.0) : 0.5 * low + 0.5 * high, empty ? vec3(0.0) : 0.5 * high - 0.5 * low, roundings);
 }
 
-Hit bvh_traverse(Ray ray, uint mask, bool any) {
+Hit bvh_traverse(Ray ray, uint mask, uint sides, bool any) {
     Hit hit = Hit(ray.t_max, NO_HIT, 0u, vec2(0.0), 0u);
     if (bvh_head.y == 0u) {
         return hit;
@@ -55,7 +55,7 @@ Hit bvh_traverse(Ray ray, uint mask, bool any) {
     float begins[BVH_STACK];  // where the ray enters the box of what is put off
     uint size = 0u;
     uint floor_ = BVH_NO_CHILD;  // the stack's size at which the instance ends; none in the upper level
-    uint instance = 0u, flags = 0u;
+    uint instance = 0u, flags = 0u, skipped = 0u;
     uint code = bvh_head.x;
     bool going = true;
 #ifdef STEPS
@@ -103,6 +103,7 @@ Hit bvh_traverse(Ray ray, uint mask, bool any) {
                 code = record.what.x;
                 instance = record.what.z;
                 flags = record.what.w;
+                skipped = (flags & BVH_TWO_SIDED) != 0u ? 0u : sides;
                 floor_ = size;
                 pop = false;
             }
@@ -115,7 +116,8 @@ Hit bvh_traverse(Ray ray, uint mask, bool any) {
                 float t;
                 vec2 at;
                 bool back;
-                if (hits_triangle(sheared_, a.xyz, b.xyz, c.xyz, t, at, back) && t > ray.t_min && t < hit.t) {
+                if (hits_triangle(sheared_, a.xyz, b.xyz, c.xyz, t, at, back) && t > ray.t_min && t < hit.t
+                    && (skipped & (back ? SKIP_BACKS : SKIP_FRONTS)) == 0u) {
                     Hit candidate = Hit(t, instance, floatBitsToUint(a.w), at, back ? HIT_BACK : 0u);
 #ifdef NON_OPAQUE
                     if ((flags & BVH_NON_OPAQUE) == 0u || accept(candidate)) {
@@ -135,6 +137,6 @@ Hit bvh_traverse(Ray ray, uint mask, bool any) {
     return hit;
 }
 
-Hit trace(Ray ray, uint mask) { return bvh_traverse(ray, mask, false); }
+Hit trace(Ray ray, uint mask, uint sides) { return bvh_traverse(ray, mask, sides, false); }
 
-bool occluded(Ray ray, uint mask) { return bvh_traverse(ray, mask, true).instance != NO_HIT; }
+bool occluded(Ray ray, uint mask, uint sides) { return bvh_traverse(ray, mask, sides, true).instance != NO_HIT; }
