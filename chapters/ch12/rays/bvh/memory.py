@@ -62,6 +62,7 @@ class BvhMemory:
         self._deforming = sorted({deformation.mesh for deformation in scene.deformations})
         self._settings = parts.settings.rays
         self._seen: Any = None
+        self._current: tuple[str, int] | None = None
         self._revision = 0
         self.moves = self.refits = False
         self.rebuilds: tuple[int, ...] = ()
@@ -141,7 +142,8 @@ class BvhMemory:
             watch = Watch(sizes, costs, least, self._settings.ray_rebuild, budget)
             self._watch = watch if watch.watched.any() else None
         for number, place in enumerate((*places, (top, 0, self._instances, 0))):
-            self._trees.append(Rebuilt(*place, pair, upper=number == len(places)))
+            root, first, count, page = place
+            self._trees.append(Rebuilt(root, first, count, page, pair, upper=number == len(places)))
             pair += sizes[number] * bool(self._watch and self._watch.watched[number])
         self._watched: list[int] = np.flatnonzero(self._watch.watched).tolist() if self._watch else []
 
@@ -217,6 +219,7 @@ class BvhMemory:
         """Record the kernels of the frame; each level of nodes waits for the one below."""
         if not self.moves or not self._instances:
             return
+        self._current = None
         top = len(self._deforming)
         if self.refits:
             for number, tree in enumerate(self._trees[:top]):
@@ -279,7 +282,9 @@ class BvhMemory:
     ) -> None:
         """Run a kernel with push constants; it has as many invocations as the second of them, or as are given."""
         pipeline = self._built[kernel]
-        self._bind_kernel(commands, kernel, pipeline, slot, page)
+        if self._current != (kernel, page):  # the levels of a tree follow one another
+            self._bind_kernel(commands, kernel, pipeline, slot, page)
+            self._current = kernel, page
         commands.push(pipeline, np.array(numbers, np.uint32))
         commands.dispatch_over(pipeline, (numbers[1] if invocations is None else invocations,))
 
