@@ -125,6 +125,7 @@ LESSON = Lesson(
         "rays/bvh/records.glsl",
         "rays/bvh/traverse.glsl",
         "rays/bvh/memory.py",
+        "rays/bvh/kernels.py",
         "rays/bvh/vulkan.py",
         "rays/bvh/gl.py",
         "rays/bvh/instances.comp",
@@ -133,6 +134,7 @@ LESSON = Lesson(
         "rays/bvh/fast.comp",
         "rays/bvh/sort.comp",
         "rays/bvh/quality.comp",
+        "rays/bvh/quality.py",
         "renderer.py",
     ),
     plumbing={

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backends.vulkan import api as vk
+from backends.vulkan.barriers import barriers
 from backends.vulkan.resources import Buffer
 from backends.vulkan.upload import Uploader
 
@@ -17,11 +18,20 @@ from ...frames.vulkan_commands import Commands
 from ...pipelines.description import Built
 from ...pipelines.vulkan_descriptors import Held, Sets
 from ...visibility.vulkan import Bindings
-from ..passes import BUFFERS
-from .memory import INSTANCES, NODES, TRIANGLES, BvhMemory
+from .kernels import PAGE, PLACES, TOLD
+from .memory import BvhMemory
 
 _COPIED = vk.VK_BUFFER_USAGE_TRANSFER_DST_BIT | vk.VK_BUFFER_USAGE_TRANSFER_SRC_BIT
 _STORED = vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | _COPIED
+
+_FOR_THE_CPU = barriers(
+    memory=(
+        vk.VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT,
+        vk.VK_ACCESS_2_SHADER_STORAGE_WRITE_BIT,
+        vk.VK_PIPELINE_STAGE_2_HOST_BIT,
+        vk.VK_ACCESS_2_HOST_READ_BIT,
+    )
+)
 
 
 class Memory(BvhMemory):
@@ -51,14 +61,22 @@ class Memory(BvhMemory):
         descriptors, data = self._backend.descriptors, self._data
         if self._sets is not None:
             self._backend.resources.defer(partial(descriptors.destroy, self._sets))
-        shared: dict[int, Held] = {binding: self.buffers[name] for binding, name in enumerate(BUFFERS)}
         held: dict[tuple[str, int, int], dict[int, Held]] = {}
         for slot in range(SLOTS):
-            held[NODES, slot, 0] = shared | {3: self.buffers["list"]}
-            held[INSTANCES, slot, 0] = shared | {4: self.buffers["slots"]} | data.held_instances(slot, 3, 5)
-            for page in range(len(data.pages)) if self._deforming else ():
-                own: dict[int, Held] = {3: self.buffers["meshes"], 4: data.page_buffer(slot, page)}
-                held[TRIANGLES, slot, page] = shared | own
+            for kernel, names in self._bound.items():
+                known: dict[int, Held] = {
+                    at: self.buffers[name] for at, name in enumerate(names) if name in self.buffers
+                }
+                if TOLD in names:
+                    known[names.index(TOLD)] = self.told[slot]
+                if PLACES in names:
+                    known |= data.held_instances(slot, names.index(PLACES), len(names) - 1)
+                if PAGE not in names:
+                    held[kernel, slot, 0] = known
+                    continue
+                for page in range(len(data.pages)) if self._deforming else ():
+                    own: dict[int, Held] = {names.index(PAGE): data.page_buffer(slot, page)}
+                    held[kernel, slot, page] = known | own
         described = []
         for (kernel, slot, page), content in held.items():
             layout = self._built[kernel].sets[0]
@@ -66,11 +84,25 @@ class Memory(BvhMemory):
             described.append((layout, content, f"ray {kernel}, slot {slot}, page {page}"))
         self._sets = descriptors.create(described)
         handles = [vk.array("VkDescriptorSet", [handle]) for handle in self._sets.handles]
-        self._bound = dict(zip(held, handles, strict=True))
+        self._set_of = dict(zip(held, handles, strict=True))
 
     def _bind_kernel(self, commands: Commands, kernel: str, pipeline: Built, slot: int, page: int) -> None:
         commands.bind_compute(pipeline)
-        commands.bind_compute_set(pipeline, 0, self._bound[kernel, slot, page])
+        commands.bind_compute_set(pipeline, 0, self._set_of[kernel, slot, page])
+
+    def _create_told(self, size: int) -> list[Buffer]:
+        resources, usage = self._backend.resources, vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT
+        names = [f"rays: costs, slot {slot}" for slot in range(SLOTS)]
+        return [resources.buffers.get(resources.buffer(size, usage, "readback", name)) for name in names]
+
+    def _read_told(self, slot: int) -> NDArray[np.float32]:
+        buffer = self.told[slot]
+        self._backend.device.memory.invalidate(buffer.allocation)
+        costs: NDArray[np.float32] = buffer.view(np.float32)[: len(self._trees)]
+        return costs
+
+    def _finish_told(self, commands: Commands) -> None:
+        commands.barrier(_FOR_THE_CPU)
 
     def close(self) -> None:
         """Free the sets; the buffers belong to the resources."""
