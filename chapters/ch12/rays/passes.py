@@ -1,7 +1,7 @@
 """The passes of rays.
 
     ray_structures   instances and what deforms -> ray_world, or the buffers of our BVH
-    rays             these, color_hdr -> color_traced, over a part of the rasterised picture
+    rays             these, color_hdr, fog -> color_traced, over a part of the rasterised picture
 
 The picture is one text, whatever finds the hits: a raygen shader, a kernel with ray queries, or a kernel over our BVH.
 """
@@ -18,6 +18,7 @@ from common.errors import UserError
 from common.scene import Pose, Scene
 
 from ..cloth.passes import VERTICES
+from ..fog.passes import PIXELS, FogPass
 from ..frames.commands import Commands, SceneBinding
 from ..graph.execute.bindings import OWNED
 from ..graph.types import External, Touch
@@ -131,7 +132,8 @@ class RayPicturePass(Pass):
         self._way = way
         stages = ("rgen",) if way == picture.PIPELINE else ()
         vertices = (Access(VERTICES, "storage", stages=stages),) * cloth
-        self.reads = (*structure_accesses(way, sizes, False), *vertices)
+        fog = (Access(PIXELS, "storage", stages=stages),) * FogPass.needed(self._scene, self._settings)
+        self.reads = (*structure_accesses(way, sizes, False), *vertices, *fog)
         format = self._settings.shading.color_format
         self.writes = (Access(TRACED, "storage", format=format, of="color_hdr", stages=stages),)
 
