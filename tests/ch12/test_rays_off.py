@@ -12,11 +12,11 @@ from chapters.ch12.scene import pages
 from chapters.ch12.settings import Settings
 from common.errors import SceneError, UserError
 from common.numerics.transforms import pose_looking_at
-from common.scene import Material
+from common.scene import Image, Material
 from common.view.camera import Perspective, View
 from tests.support.frame_costs import chapter_before
 from tests.support.ray_scenes import placements, soup, soup_scene, world_triangles
-from tests.support.scenes import facing
+from tests.support.scenes import facing, quad_scene, texture, translated
 from tests.support.shadows import PLAIN, point, yard
 from tests.support.traced_pictures import SIZE, light, off_edges, opened, picture, primary_rays, ways_of
 from tests.twins.brute_rays import nearest
@@ -85,12 +85,41 @@ def opened_without(chapter, without, **turned):
 def test_several_pages_of_geometry_are_refused(chapter, monkeypatch):
     monkeypatch.setattr(pages, "PAGE_BYTES", 2048)
     scene = soup_scene([soup(20, 1), soup(20, 2)], [(0, np.eye(4)), (1, np.eye(4))])
-    with opened(chapter, scene) as renderer:
-        assert len(renderer._data.pages) > 1
-        with pytest.raises(
-            UserError, match=r"scene has 2 pages of geometry on this backend, .*: set rays=off"
-        ):
-            renderer.render(VIEW)
+    with pytest.raises(
+        UserError,
+        match=r"takes 1 MiB in 2 pages of 128 MiB at most, and rays, .*: set rays=off, or draw fewer",
+    ):
+        opened(chapter, scene)
+    with opened(chapter, scene, rays="off") as renderer:
+        assert len(renderer._data.pages) == 2
+
+
+def many_sizes(count):
+    """Return squares in a row, each with an image of another size."""
+    images = [Image(f"{n}", np.full((1, n + 1, 4), 200, np.uint8)) for n in range(count)]
+    materials = [Material(base_color_texture=texture(n), unlit=True) for n in range(count)]
+    small = np.diag((1 / count, 1.0, 1.0, 1.0))
+    places = [translated((2 * n + 1) / count - 1.0) @ small for n in range(count)]
+    return quad_scene(
+        materials=tuple(materials),
+        images=tuple(images),
+        matrices=tuple(places),
+        instance_materials=tuple(range(count)),
+    )
+
+
+def test_textures_in_several_sets_are_refused(chapter):
+    """Where they have more sizes than a shader has samplers for. With bindless textures all of them are one set."""
+    settings = Settings(**PLAIN, shadows="off", rays="whole", ray_way="bvh")
+    scene, said = (
+        many_sizes(14),
+        r"need 2 sets of 13 arrays at most, .*: set rays=off, give images fewer sizes",
+    )
+    with pytest.raises(UserError, match=said):
+        chapter.open(scene, (40, 40), settings, without={"bindless"})
+    if chapter.backend == "vulkan" and chapter.device.has("bindless"):
+        with chapter.open(scene, (40, 40), settings, outputs={"color_linear"}) as renderer:
+            assert (light(renderer, facing())[20].max(axis=-1) > 0.3).all()
 
 
 @pytest.mark.feature("acceleration/tlas")

@@ -1,5 +1,6 @@
 // A traced picture: a ray from the eye through each pixel, a ray from each hit towards each light, and from smooth
-// surfaces a ray in the mirrored direction. Light is that of the rasterised picture (shading/lighting.frag) otherwise.
+// surfaces a ray in the mirrored direction. Light is that of the rasterised picture (shading/lighting.frag) otherwise, and so
+// is fog: the eye looks through it to the first hit, and what that mirrors has none of its own.
 //
 // Rays from the eye and from mirrors skip the backs of single-sided surfaces, as a rasterised picture from their place does.
 //
@@ -19,6 +20,7 @@
 #ifdef ENVIRONMENT
 #include "ibl.glsl"
 #endif
+#include "fog/apply.glsl"
 #include "rays/tile.glsl"
 #include "rays/trace.glsl"
 
@@ -86,17 +88,23 @@ vec3 light_without_mirror(Surface s, vec3 view, out vec3 mirrored) {
 // The light along a ray. A loop follows mirrored rays. It ends at the environment: behind everything, or around the
 // mirrored direction, blurred for the roughness of the surface (ibl.glsl). The lookup stands behind the loop, since a
 // software driver takes long to compile each one.
-vec3 light_along(Ray ray) {
+//
+// `reached` is the point up to which the eye looks through fog, the first hit; `far` says that there is none.
+vec3 light_along(Ray ray, out vec3 reached, out bool far) {
     vec3 color = vec3(0.0), share = vec3(1.0);
     float roughness = 0.0;
     bool nothing = false;
+    far = false;
+    reached = ray.origin;
     for (int bounce = 0;; ++bounce) {
         Hit hit = trace(ray, 0xffu, SKIP_BACKS);
         nothing = hit.instance == NO_HIT;
+        far = far || (nothing && bounce == 0);
         if (nothing) {
             break;
         }
         Surface s = surface_at(hit, ray.direction);
+        reached = bounce == 0 ? s.at.position : reached;
         vec3 view = -normalize(ray.direction), mirrored;
         color += share * light_without_mirror(s, view, mirrored);
         share *= mirrored;
@@ -151,7 +159,10 @@ void run(uvec3 id) {
     CameraRay seen = camera_ray(uv, frame.view_from_clip, frame.world_from_view, frame.orthographic != 0u);
     Ray ray = Ray(seen.origin, 0.0, seen.direction, FAR);
 #if RAY_VIEW == 0
-    vec3 color = light_along(ray);
+    vec3 reached;
+    bool far;
+    vec3 color = light_along(ray, reached, far);
+    color = far ? fog_behind(color, uv) : fog_over(color, reached, pixel);
 #else
     vec3 color = shown_of(ray);
 #endif
