@@ -45,8 +45,14 @@ vec3 light_of_lights(Surface s, vec3 view, float alpha) {
             continue;
         }
         vec3 origin = ray_origin(s.at, to_light);
-        float far = lights[i].kind == LIGHT_DIRECTIONAL ? FAR : dot(lights[i].position - origin, to_light);
-        if (occluded(Ray(origin, 0.0, to_light, far), CASTERS, CASTING_SIDES)) {
+        float far = FAR;
+        if (lights[i].kind != LIGHT_DIRECTIONAL) {
+            // Bulbs cast no shadow of their own lamp: the rays end at the near planes of the six faces of a shadow map.
+            vec3 along = abs(to_light);
+            float near = SHADOW_NEAR * frame.eye.w / max(along.x, max(along.y, along.z));
+            far = dot(lights[i].position - origin, to_light) - near;
+        }
+        if (far > 0.0 && occluded(Ray(origin, 0.0, to_light, far), CASTERS, CASTING_SIDES)) {
             continue;
         }
 #endif

@@ -104,6 +104,7 @@ def picture_defines(scene: Scene, settings: Any, used: Sequence[int]) -> Defines
         *(() if opaque_materials(scene)[list(used)].all() else (("NON_OPAQUE", 1),)),
         *((("SHADOW_RAYS", 1), ("CASTERS", f"{SURFACES}u")) if knobs.ray_shadows else ()),
         *((("CASTING_SIDES", casting_sides(settings)),) if knobs.ray_shadows else ()),
+        *((("SHADOW_NEAR", f"{settings.shadows.shadow_near:.9e}"),) if knobs.ray_shadows else ()),
         ("BOUNCES", int(knobs.ray_bounces)),
         ("MIRROR", float(knobs.ray_mirror)),
         ("RAY_VIEW", get_args(View).index(knobs.ray_view)),
