@@ -62,12 +62,13 @@ def test_a_picture_is_that_of_quadrature_and_nearer_with_each_grid(chapter):
     lamp = point((6.0, 3.0, 6.0), candela=100.0)
     scene = foggy(lamp, medium=HAZE, material=BLACK)
     light = twin.Light(tuple(lamp[1][:3, 3]), (100.0,) * 3)
-    errors = []
+    errors, truth = [], None
     for size in ((32, 18, 16), (64, 36, 32), tuple(GRID.values())):
         found, rays, _, grid = pictures(chapter, scene, 4, **fog.grid(size))
-        truth, _ = twin.single_scattering(
-            rays.origins + scene.origin, rays.directions, rays.lengths, twin_of(HAZE), light, 0.6
-        )
+        if truth is None:  # whatever the grid, rays end at the same depths
+            truth, _ = twin.single_scattering(
+                rays.origins + scene.origin, rays.directions, rays.lengths, twin_of(HAZE), light, 0.6
+            )
         errors.append(float(np.sqrt(((found.reshape(-1, 3) / truth - 1) ** 2).mean())))
     distances = np.linalg.norm(grid.samples() - light.position, axis=-1)
     assert (distances > 2 * 2 * radii(grid)).all()
