@@ -107,6 +107,8 @@ LESSON = Lesson(
         "rays/vulkan_top.py",
         "rays/vulkan_records.comp",
         "rays/vulkan.py",
+        "rays/vulkan_quality.py",
+        "rays/vulkan_quality.comp",
         "pipelines/ray_description.py",
         "pipelines/vulkan_rays.py",
         "rays/groups.py",

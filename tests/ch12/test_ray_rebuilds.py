@@ -7,13 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from backends.vulkan import api as vk
+from chapters.ch12.rays import vulkan_build
+from chapters.ch12.rays.triangles import build_order
+from chapters.ch12.rays.vulkan_quality import figure_of
 from common.images.palette import heat
 from common.numerics.transforms import pose_looking_at, translation
 from common.scene import Animation, AnimationChannel, Deformation, Material
 from common.scene.merge import merge_scenes
 from common.view.camera import Perspective, View
 from tests.support.ray_scenes import soup_scene
-from tests.support.traced_pictures import opened
+from tests.support.traced_pictures import need, opened
 
 pytestmark = [pytest.mark.variants("vulkan", "gl"), pytest.mark.feature("acceleration/refit")]
 
@@ -149,3 +153,55 @@ def test_a_frame_builds_as_much_as_its_budget(chapter):
         with opened(chapter, scene, **turned) as renderer:
             seen(renderer, 0.0)
             assert [seen(renderer, 1.0)[1]["ray_rebuilds"] for _ in range(5)] == wanted
+
+
+# --- the driver's structures ---
+
+
+@pytest.mark.variants("vulkan")
+def test_a_structure_of_the_driver_is_built_anew_where_its_shape_is_another_one(chapter):
+    """After it has scattered, and after it has come back. The figure is that of numpy, and no hit changes."""
+    need(chapter, "pipeline")
+    scene, shown, times = scattering(), [], (0.0, 1.0, 1.0, 1.0, 0.9, 0.0, 0.0, 0.0, 0.0, 0.0)
+    start, indices = scene.positions, scene.indices.reshape(-1, 3)
+    order = build_order(indices, start, True)
+    figures = [
+        figure_of(positions[indices[order]])
+        for positions in (start, start + scene.deformations[0].morph_positions[0])
+    ]
+    for most in (2.0, 0.0):
+        with opened(
+            chapter, scattering(), ray_way="pipeline", ray_view="barycentrics", ray_rebuild=most
+        ) as renderer:
+            shown.append([seen(renderer, time) for time in times])
+    for (anew, _), (refitted, _) in zip(*shown, strict=True):
+        assert np.array_equal(anew, refitted) and (anew.sum(axis=-1) > 0).mean() > 0.05
+    rebuilds = [[work["ray_rebuilds"] for _, work in one] for one in shown]
+    assert rebuilds == [[0, 0, 0, 1, 0, 0, 0, 1, 0, 0], [0] * 10]
+    percent = shown[0][3][1]["ray_quality_percent"]
+    assert abs(percent - 100.0 * figures[1] / figures[0]) < 0.6 and percent > 200
+
+
+@pytest.mark.variants("vulkan")
+def test_the_mode_of_a_build_is_that_of_the_report(chapter):
+    """One call, in which the structures at the given places are built, and the others are updated from themselves."""
+    need(chapter, "pipeline")
+    scene, _ = merge_scenes([scattering(20), scattering(30)])
+    with opened(chapter, scene, ray_way="pipeline", ray_view="barycentrics") as renderer:
+        seen(renderer)
+        bottoms, infos = renderer.techniques["rays"]._structures._bottoms, []
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(
+                vulkan_build, "record_builds", lambda device, commands, them, counts: infos.extend(them)
+            )
+            bottoms.record_refits(None, [0, 0], (1,))
+    update, build = (
+        vk.VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR,
+        vk.VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR,
+    )
+    assert [info.mode for info in infos] == [update, build]
+    assert infos[0].srcAccelerationStructure == infos[0].dstAccelerationStructure == bottoms.moving[0].handle
+    assert (
+        infos[1].srcAccelerationStructure == vk.NULL
+        and infos[1].dstAccelerationStructure == bottoms.moving[1].handle
+    )
