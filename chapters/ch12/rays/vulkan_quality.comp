@@ -13,7 +13,7 @@ layout(BIND(0, 0, 0), std430) readonly buffer Indices_ { uint indices[]; };
 layout(BIND(0, 1, 0), std430) readonly buffer Words_ { uint words[]; };
 layout(BIND(0, 2, 0), std430) writeonly buffer Costs_ { float costs[]; };
 
-const uint GROUP = 8u;
+const uint NEIGHBOURS = 8u;
 const vec3 INSIDE_OUT = vec3(3.0e38);
 
 shared float sums[256];
@@ -29,9 +29,9 @@ void main() {
     uint me = gl_LocalInvocationIndex;
     vec3 low_of_all = INSIDE_OUT, high_of_all = -INSIDE_OUT;
     float sum = 0.0;
-    for (uint first = GROUP * me; first < push.run.y; first += GROUP * 256u) {
+    for (uint first = NEIGHBOURS * me; first < push.run.y; first += NEIGHBOURS * 256u) {
         vec3 low = INSIDE_OUT, high = -INSIDE_OUT;
-        uint end = 3u * min(first + GROUP, push.run.y);
+        uint end = 3u * min(first + NEIGHBOURS, push.run.y);
         for (uint corner = 3u * first; corner < end; ++corner) {
             uint at = push.run.z + 3u * indices[push.run.x + corner];
             vec3 place = uintBitsToFloat(uvec3(words[at], words[at + 1u], words[at + 2u]));

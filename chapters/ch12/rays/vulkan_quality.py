@@ -27,7 +27,7 @@ from .bvh.quality import Watch
 from .settings import RaySettings
 
 KERNEL = ComputeDescription("rays/vulkan_quality.comp", name="ray shapes")
-GROUP = 8
+NEIGHBOURS = 8
 """Triangles of a group, as in the kernel."""
 
 _FOR_THE_CPU = barriers(
@@ -56,7 +56,7 @@ def figure_of(corners: NDArray[np.floating]) -> float:
     """Return the figure of triangles (T, 3, 3) in the order of a structure; 0 without extent. Corners are finite."""
     if not len(corners):
         return 0.0
-    firsts = np.arange(0, len(corners), GROUP)
+    firsts = np.arange(0, len(corners), NEIGHBOURS)
     low = np.minimum.reduceat(corners.min(axis=1).astype(np.float64), firsts)
     high = np.maximum.reduceat(corners.max(axis=1).astype(np.float64), firsts)
 
@@ -81,7 +81,7 @@ class ShapeReports:
         self._watch = Watch(
             sizes,
             [shape.figure for shape in shapes],
-            [GROUP] * len(shapes),
+            [NEIGHBOURS] * len(shapes),
             settings.ray_rebuild,
             settings.ray_rebuild_budget,
             either_way=True,
