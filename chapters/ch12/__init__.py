@@ -129,6 +129,7 @@ LESSON = Lesson(
         "rays/bvh/memory.py",
         "rays/bvh/kernels.py",
         "rays/bvh/vulkan.py",
+        "rays/bvh/vulkan_told.py",
         "rays/bvh/gl.py",
         "rays/bvh/instances.comp",
         "rays/bvh/refit.comp",

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backends.vulkan import api as vk
-from backends.vulkan.barriers import barriers
-from backends.vulkan.resources import Buffer, create_buffer, destroy_buffer
+from backends.vulkan.resources import Buffer
 
 from ..frames.backend.vulkan import VulkanBackend
 from ..frames.frame import SLOTS
@@ -24,20 +23,12 @@ from ..frames.vulkan_commands import Commands
 from ..pipelines.compute_description import ComputeDescription
 from ..pipelines.vulkan_descriptors import Held
 from .bvh.quality import Watch
+from .bvh.vulkan_told import Told
 from .settings import RaySettings
 
 KERNEL = ComputeDescription("rays/vulkan_quality.comp", name="ray shapes")
 NEIGHBOURS = 8
 """Triangles of a group, as in the kernel."""
-
-_FOR_THE_CPU = barriers(
-    memory=(
-        vk.VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT,
-        vk.VK_ACCESS_2_SHADER_STORAGE_WRITE_BIT,
-        vk.VK_PIPELINE_STAGE_2_HOST_BIT,
-        vk.VK_ACCESS_2_HOST_READ_BIT,
-    )
-)
 
 
 @dataclass(frozen=True)
@@ -75,7 +66,7 @@ class ShapeReports:
     def __init__(
         self, backend: VulkanBackend, shapes: Sequence[Shape], indices: Buffer, settings: RaySettings
     ) -> None:
-        self._device, self._descriptors = backend.device, backend.descriptors
+        self._descriptors = backend.descriptors
         self._shapes = shapes
         sizes = [shape.triangles for shape in shapes]
         self._watch = Watch(
@@ -88,17 +79,17 @@ class ShapeReports:
         )
         self.rebuilds: tuple[int, ...] = ()
         (self._kernel,) = backend.pipelines.get([KERNEL])
-        usage = vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT
-        self._told = [
-            create_buffer(self._device, 4 * len(shapes), usage, "readback", f"rays: figures, slot {slot}")
-            for slot in range(SLOTS)
-        ]
+        self._told = Told(backend.device, len(shapes), "figures")
         layout = self._kernel.sets[0]
         assert layout is not None, "the kernel has buffers"
         keys = [(slot, page) for slot in range(SLOTS) for page in sorted({shape.page for shape in shapes})]
         described = []
         for slot, page in keys:
-            held: dict[int, Held] = {0: indices, 1: backend.data.page_buffer(slot, page), 2: self._told[slot]}
+            held: dict[int, Held] = {
+                0: indices,
+                1: backend.data.page_buffer(slot, page),
+                2: self._told.buffers[slot],
+            }
             described.append((layout, held, f"ray shapes, slot {slot}, page {page}"))
         self._sets = self._descriptors.create(described)
         handles = [vk.array("VkDescriptorSet", [handle]) for handle in self._sets.handles]
@@ -112,10 +103,7 @@ class ShapeReports:
     def follow(self, slot: int) -> tuple[int, ...]:
         """Read what the last frame of the slot has measured; return what this frame builds anew."""
         if self._watch.asks(slot):
-            buffer = self._told[slot]
-            assert buffer.allocation is not None, "the CPU reads it"
-            self._device.memory.invalidate(buffer.allocation)
-            self._watch.take(slot, buffer.view(np.float32)[: len(self._shapes)])
+            self._watch.take(slot, self._told.read(slot))
         self.rebuilds = self._watch.due()
         return self.rebuilds
 
@@ -133,14 +121,12 @@ class ShapeReports:
             push = (shape.indices, shape.triangles, shape.positions, place)
             commands.push(self._kernel, np.array(push, np.uint32))
             commands.dispatch(1)
-        commands.barrier(_FOR_THE_CPU)
+        self._told.finish(commands)
 
     def close(self) -> None:
         """Free everything; no frame in flight uses it."""
         self._descriptors.destroy(self._sets)
-        for buffer in self._told:
-            destroy_buffer(self._device, buffer)
-        self._told = []
+        self._told.close()
 
 
 def shape_reports(
