@@ -9,6 +9,7 @@ from chapters.ch12.rays.bvh import model
 from chapters.ch12.rays.bvh.fast import Rebuilt
 from chapters.ch12.rays.bvh.memory import _ranges, _without
 from chapters.ch12.rays.bvh.quality import Watch
+from chapters.ch12.rays.vulkan_quality import figure_of
 
 pytestmark = pytest.mark.feature("acceleration/refit")
 
@@ -76,6 +77,25 @@ def test_a_mesh_without_extent_is_due_once_it_has_one():
     assert watched.due() == ()
     report(watched, 0, 7.0)
     assert watched.due() == (0,) and watched.worst_percent == 10**9
+
+
+def test_a_figure_that_falls_is_a_reason_where_either_way_is():
+    for either_way, due in ((False, ()), (True, (0,))):
+        watched = Watch([9], [30.0], [4], 2.0, 100, either_way)
+        report(watched, 0, 14.0)
+        assert watched.due() == due
+
+
+def test_the_figure_of_groups_is_that_of_their_boxes():
+    """Nine triangles are two groups: flat unit squares in x and y, one of them 3 above the others."""
+    triangle = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], np.float32)
+    corners = np.tile(triangle, (9, 1, 1))
+    corners[8, :, 2] = 3.0
+    # Half the surfaces: 1 for each group, and 1 + 3 + 3 for the box around all.
+    assert figure_of(corners) == pytest.approx(2 / 7)
+    corners[0, :, 2] = 3.0  # the first group reaches through all
+    assert figure_of(corners) == pytest.approx(8 / 7)
+    assert figure_of(corners[:0]) == 0.0 and figure_of(np.zeros((9, 3, 3))) == 0.0
 
 
 def test_levels_are_refitted_without_what_the_gpu_has_built():

@@ -51,10 +51,11 @@ class Memory(BvhMemory):
                 for at, (offset, size) in zip(ends, data.instance_parts, strict=False):
                     bind_buffer(context, "storage", at, data.slots[slot].instances, offset, size)
 
-    def _create_told(self, size: int) -> list[Buffer]:
+    def _create_told(self, count: int) -> list[Buffer]:
         context = self._backend.device
         return [
-            create_buffer(context, size, "readback", f"rays: costs, slot {slot}") for slot in range(SLOTS)
+            create_buffer(context, 4 * count, "readback", f"rays: costs, slot {slot}")
+            for slot in range(SLOTS)
         ]
 
     def _read_told(self, slot: int) -> NDArray[np.float32]:

@@ -71,7 +71,7 @@ class BvhMemory:
         self._make_kernels(parts.pipelines)
         self.sizes: Mapping[str, int] = {name: content[name].nbytes for name in BUFFERS}
         self.buffers = self._create(content)
-        self.told = self._create_told(4 * len(self._trees)) if self._watch else []
+        self.told = self._create_told(len(self._trees)) if self._watch else []
         self.bind_pass = self.surfaces(backend).bind
         for resources in backend.copies.also:
             resources |= {name: self.buffers[name] for name in BUFFERS}
@@ -318,8 +318,8 @@ class BvhMemory:
         """Write other content to the buffers, after frames in flight, and follow other pages of geometry."""
         raise NotImplementedError
 
-    def _create_told(self, size: int) -> list[Any]:
-        """Return a buffer for each slot that kernels write and the CPU reads."""
+    def _create_told(self, count: int) -> list[Any]:
+        """Return a buffer of so many floats for each slot that kernels write and the CPU reads."""
         raise NotImplementedError
 
     def _read_told(self, slot: int) -> NDArray[np.float32]:

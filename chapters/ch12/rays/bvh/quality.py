@@ -20,14 +20,22 @@ class Watch:
 
     `most` is the ratio from which on they are due, `budget` how many triangles and instances a frame builds. A
     hierarchy that is larger than that is not watched, nor one of at most `least`, which has one form alone.
+    `either_way` says that a cost that has fallen as much is a reason, too.
     """
 
     def __init__(
-        self, sizes: Sequence[int], costs: Sequence[float], least: Sequence[int], most: float, budget: int
+        self,
+        sizes: Sequence[int],
+        costs: Sequence[float],
+        least: Sequence[int],
+        most: float,
+        budget: int,
+        either_way: bool = False,
     ) -> None:
         self.sizes = np.array(sizes, np.int64)
         self._built_cost = np.array(costs, np.float64)
         self._most, self._budget = max(most, 1.0), budget  # less would build what has not moved
+        self._either_way = either_way
         count = len(self.sizes)
         self.watched: NDArray[np.bool_] = (self.sizes > np.array(least)) & (self.sizes <= budget)
         self._last = self.watched & (np.arange(count) == count - 1)
@@ -55,6 +63,8 @@ class Watch:
         self._built_cost[first] = costs[first]
         with np.errstate(divide="ignore", invalid="ignore"):
             ratios = np.where(costs > 0, costs / self._built_cost, 1.0)
+            if self._either_way:
+                ratios = np.maximum(ratios, 1.0 / ratios)
         self.ratios[known] = ratios[known]
         worst = float(self.ratios.max())
         self._late = worst > self._most

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backends.vulkan import api as vk
-from backends.vulkan.barriers import barriers
 from backends.vulkan.resources import Buffer
 from backends.vulkan.upload import Uploader
 
@@ -20,18 +19,10 @@ from ...pipelines.vulkan_descriptors import Held, Sets
 from ...visibility.vulkan import Bindings
 from .kernels import PAGE, PLACES, TOLD
 from .memory import BvhMemory
+from .vulkan_told import Told
 
 _COPIED = vk.VK_BUFFER_USAGE_TRANSFER_DST_BIT | vk.VK_BUFFER_USAGE_TRANSFER_SRC_BIT
 _STORED = vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | _COPIED
-
-_FOR_THE_CPU = barriers(
-    memory=(
-        vk.VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT,
-        vk.VK_ACCESS_2_SHADER_STORAGE_WRITE_BIT,
-        vk.VK_PIPELINE_STAGE_2_HOST_BIT,
-        vk.VK_ACCESS_2_HOST_READ_BIT,
-    )
-)
 
 
 class Memory(BvhMemory):
@@ -90,22 +81,20 @@ class Memory(BvhMemory):
         commands.bind_compute(pipeline)
         commands.bind_compute_set(pipeline, 0, self._set_of[kernel, slot, page])
 
-    def _create_told(self, size: int) -> list[Buffer]:
-        resources, usage = self._backend.resources, vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT
-        names = [f"rays: costs, slot {slot}" for slot in range(SLOTS)]
-        return [resources.buffers.get(resources.buffer(size, usage, "readback", name)) for name in names]
+    def _create_told(self, count: int) -> list[Buffer]:
+        self._told = Told(self._backend.device, count, "costs")
+        return self._told.buffers
 
     def _read_told(self, slot: int) -> NDArray[np.float32]:
-        buffer = self.told[slot]
-        self._backend.device.memory.invalidate(buffer.allocation)
-        costs: NDArray[np.float32] = buffer.view(np.float32)[: len(self._trees)]
-        return costs
+        return self._told.read(slot)
 
     def _finish_told(self, commands: Commands) -> None:
-        commands.barrier(_FOR_THE_CPU)
+        self._told.finish(commands)
 
     def close(self) -> None:
-        """Free the sets; the buffers belong to the resources."""
+        """Free the sets and what the CPU reads; the other buffers belong to the resources."""
+        if self._watch:
+            self._told.close()
         if self._sets is not None:
             self._backend.descriptors.destroy(self._sets)
             self._sets = None
