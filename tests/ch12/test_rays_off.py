@@ -147,7 +147,8 @@ def test_triangles_without_area_or_with_nan_change_nothing(chapter):
     corners[indices[9, 2]] = corners[indices[9, 1]]
     corners[indices[17, 1], 1] = np.nan
     corners[indices[30]] = np.inf
-    scene = soup_scene([(corners, indices)], [(0, matrix) for matrix in placements()])
+    drawn = [(0, matrix) for matrix in placements()]
+    scene = soup_scene([(corners, indices)], drawn, (Material(double_sided=True),))
     view = View(pose_looking_at((0.5, 1.5, 6.0), (0.0, 0.3, 0.0)), Perspective(0.9, 0.05))
     origins, directions = primary_rays(view, SIZE)
     truth = nearest(origins - scene.origin, directions, 0.0, 1e4, *world_triangles(scene))
