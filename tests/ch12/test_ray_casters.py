@@ -60,7 +60,7 @@ def test_a_sky_casts_no_shadow_and_a_plate_does(chapter):
     assert picture[rows[1], column] == pytest.approx(lit, rel=1e-3)
 
 
-@pytest.mark.variants("vulkan", "gl")
+@pytest.mark.variants("vulkan")
 def test_what_is_nearer_to_a_lamp_than_shadow_near_casts_no_shadow(chapter):
     """A plate 0.1 m below a lamp, as the glass of a bulb. Shadow maps begin behind it or before it; rays end there."""
     lamp, below, half = 0.5, 0.1, 0.05

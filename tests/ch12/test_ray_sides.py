@@ -76,7 +76,7 @@ def plates() -> Scene:
     )
 
 
-@pytest.mark.parametrize("sides", ["both", "front"])
+@pytest.mark.parametrize("sides", [pytest.param("both", marks=pytest.mark.long), "front"])
 def test_the_sides_that_cast_shadows_are_those_of_shadow_maps(chapter, sides):
     """A plate that turns its back to the sun has a shadow if both sides cast them. The eye does not see its back."""
     column = int((0.4 - HEIGHT * np.tan(TILT) + 1) / 2 * SIZE)

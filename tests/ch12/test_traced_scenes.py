@@ -72,6 +72,26 @@ def test_edits_are_followed(chapter):
                 pictures[name] = wanted
 
 
+@pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning")
+def test_an_instance_whose_place_is_not_finite_spoils_no_other(chapter):
+    """A record without a finite box can hide what stands beside it in the upper level."""
+    for way in few_ways(chapter):
+        pictures = []
+        for edit_scene in (
+            lambda edit: edit.set_transform(3, matrix=np.full((4, 4), np.nan)),
+            lambda edit: edit.set_visible(3, False),
+        ):
+            scene = yard(LAMP, material=MATTE)
+            with opened(chapter, scene, ray_way=way) as renderer:
+                whole = light(renderer, VIEW)
+                with scene.edit() as edit:
+                    edit_scene(edit)
+                pictures.append(light(renderer, VIEW))
+        lost, hidden = pictures
+        assert np.array_equal(lost, hidden), way
+        assert not np.array_equal(lost, whole), way
+
+
 def morphing():
     """Return a square whose right edge is pulled along x by one target and towards the eye by another."""
     scene = quad_scene(UNLIT)
