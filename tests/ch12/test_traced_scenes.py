@@ -223,6 +223,18 @@ def test_a_blended_surface_stops_the_share_alpha_of_rays(chapter):
 
 
 @pytest.mark.variants("vulkan", "gl", long=("gl",))
+def test_a_history_averages_the_dots_of_a_blended_surface(chapter):
+    """The mean of 16 rays whose lots are independent varies a quarter as much as one ray does."""
+    blended = replace(WHITE, base_color=(1.0, 1.0, 1.0, 0.5), alpha_mode="blend")
+    with opened(
+        chapter, quad_scene(blended), (32, 32), ray_way=ways_of(chapter)[0], taa="full", jitter_period=16
+    ) as renderer:
+        frames = [light(renderer, facing())[4:-4, 4:-4, 0] for _ in range(32)]
+    assert frames[0].std() > 0.45
+    assert frames[-1].mean() == pytest.approx(0.5, abs=0.03) and frames[-1].std() < 0.15
+
+
+@pytest.mark.variants("vulkan", "gl", long=("gl",))
 @pytest.mark.feature("ray-tracing/any-hit-and-intersection")
 def test_an_alpha_map_removes_exactly_the_texels_below_the_cutoff(chapter):
     texels = np.full((8, 8, 4), 255, np.uint8)

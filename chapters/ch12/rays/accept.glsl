@@ -2,6 +2,7 @@
 //
 // A masked surface is there where its alpha reaches the cutoff. A blended surface stops the share alpha of all rays: a
 // hash of pixel, instance and triangle decides, so the answer depends on neither the order of candidates nor the way.
+// Each jitter of the projection has hashes of its own: a history averages them.
 
 #ifdef NON_OPAQUE
 #include "rays/surface.glsl"
@@ -30,7 +31,9 @@ bool accept(Hit hit) {
     if ((flags & uint(MASKED_FLAG)) != 0u) {
         return alpha >= material.emissive.a;
     }
-    uint drawn = scrambled(scrambled((RAY_ID.x | RAY_ID.y << 16) ^ hit.instance) ^ hit.primitive);
+    uvec2 jitter = floatBitsToUint(frame.view_from_clip[3].xy);
+    uint pixel = scrambled(scrambled(RAY_ID.x | RAY_ID.y << 16) ^ jitter.x) ^ jitter.y;
+    uint drawn = scrambled(scrambled(pixel ^ hit.instance) ^ hit.primitive);
     return alpha > float(drawn >> 8) * (1.0 / 16777216.0);
 }
 #endif
