@@ -19,7 +19,7 @@ const uint BVH_PASSED = BVH_LEAF - 1u;  // in the place of a node's number: a hi
     } \
     if (size > 0u) { \
         --size; \
-        code = begins[size] < hit.t ? stack[size] : BVH_PASSED; \
+        code = bvh_begins[size] < hit.t ? bvh_stack[size] : BVH_PASSED; \
     } else { \
         code = BVH_NO_CHILD; \
     }
@@ -29,6 +29,11 @@ const uint BVH_PASSED = BVH_LEAF - 1u;  // in the place of a node's number: a hi
 #else
 #define BVH_STEP
 #endif
+
+// What is put off, and where the ray enters its box. Not inside of the function: a driver of OpenGL cleared them at each call,
+// which took most of the time.
+uint bvh_stack[BVH_STACK];
+float bvh_begins[BVH_STACK];
 
 #ifdef STEPS
 uint bvh_steps = 0u;  // nodes and leaves of the last trace
@@ -51,8 +56,6 @@ Hit bvh_traverse(Ray ray, uint mask, uint sides, bool any) {
     // Instances see the ray in their own space, with roundings of two matrices.
     SlabRay world_slabs = bvh_slabs(bvh_head.x, ray.origin, ray.direction, 32.0), slabs = world_slabs;
     ShearedRay sheared_ = sheared_ray(ray.origin, ray.direction);
-    uint stack[BVH_STACK];
-    float begins[BVH_STACK];  // where the ray enters the box of what is put off
     uint size = 0u;
     uint floor_ = BVH_NO_CHILD;  // the stack's size at which the instance ends; none in the upper level
     uint instance = 0u, flags = 0u, skipped = 0u;
@@ -79,8 +82,8 @@ Hit bvh_traverse(Ray ray, uint mask, uint sides, bool any) {
             bool swap = hit1 && (!hit0 || span1.x < span0.x);
             code = swap ? child1 : child0;
             if (hit0 && hit1) {
-                stack[size] = swap ? child0 : child1;
-                begins[size] = swap ? span0.x : span1.x;
+                bvh_stack[size] = swap ? child0 : child1;
+                bvh_begins[size] = swap ? span0.x : span1.x;
                 ++size;
             }
             if (!(hit0 || hit1)) {
@@ -113,11 +116,13 @@ Hit bvh_traverse(Ray ray, uint mask, uint sides, bool any) {
             for (uint triangle = first; triangle < end; ++triangle) {
                 vec4 a = bvh_triangles[3u * triangle], b = bvh_triangles[3u * triangle + 1u];
                 vec4 c = bvh_triangles[3u * triangle + 2u];
-                float t;
-                vec2 at;
-                bool back;
-                if (hits_triangle(sheared_, a.xyz, b.xyz, c.xyz, t, at, back) && t > ray.t_min && t < hit.t
-                    && (skipped & (back ? SKIP_BACKS : SKIP_FRONTS)) == 0u) {
+                float t = 0.0;
+                vec2 at = vec2(0.0);
+                bool back = false;
+                // The side is no part of the same condition: a driver then asked for it before it was known.
+                bool found = hits_triangle(sheared_, a.xyz, b.xyz, c.xyz, t, at, back);
+                uint side = back ? SKIP_BACKS : SKIP_FRONTS;
+                if (found && t > ray.t_min && t < hit.t && (skipped & side) == 0u) {
                     Hit candidate = Hit(t, instance, floatBitsToUint(a.w), at, back ? HIT_BACK : 0u);
 #ifdef NON_OPAQUE
                     if ((flags & BVH_NON_OPAQUE) == 0u || accept(candidate)) {
