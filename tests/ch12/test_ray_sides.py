@@ -40,7 +40,6 @@ def room(alpha_mode="opaque"):
     return replace(scene, lights=[replace(lamp, node=len(drawn))], nodes=nodes_at(*scene.nodes.matrix, pose))
 
 
-@pytest.mark.core
 @pytest.mark.parametrize("alpha_mode", ["opaque", pytest.param("mask", marks=pytest.mark.long)])
 def test_backs_of_surfaces_with_one_side_are_not_there(chapter, alpha_mode):
     """As in the rasterised picture, by every way."""
