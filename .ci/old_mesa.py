@@ -101,7 +101,7 @@ def draw_everything(name: str, folder: Path) -> tuple[dict[str, dict[str, str]],
         for backend in ("auto", *(one for one in backends if one == "gl" or name == "vulkan")):
             command = f"./strata --no-install run {which} --backend {backend} --headless --out /tmp/a.png"
             began = time.monotonic()
-            code, said = read(folder, f"timeout 120 {command} 2>&1")
+            code, said = read(folder, f"timeout 600 {command} 2>&1")
             ended = "drawn" if code == 0 else f"exit code {code}: {' '.join(said.splitlines()[-1:])}"
             drawn.setdefault(which, {})[backend] = ended
             print(f"{which} {backend}: {ended} ({time.monotonic() - began:.1f} s)", flush=True)

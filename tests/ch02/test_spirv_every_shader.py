@@ -21,6 +21,7 @@ from tests.backends.test_glslang import SHADERS as STAGE_SHADERS
 from tests.ch02.test_spirv import KINDS, KINDS_EXTENSIONS, RULES, SPECIAL
 from tests.ch02.test_spirv import compiled as compiled_text
 from tests.support.disassembly import disassembled
+from tests.support.once import once
 
 # What the host defines where a shader counts on it, with a value that compiles.
 GIVEN = {
@@ -157,12 +158,15 @@ GIVEN_FROM_12 = {
     "BVH_COUNT_SHIFT": "29u",
     "BVH_NO_CHILD": "4294967295u",
     "BVH_NON_OPAQUE": "1u",
+    "BVH_TWO_SIDED": "2u",
     "BVH_STACK": 32,
     "BVH_NODES_AT": "BIND(3, 0, 5)",
     "BVH_TRIANGLES_AT": "BIND(3, 1, 6)",
     "BVH_INSTANCES_AT": "BIND(3, 2, 7)",
     "BOUNCES": 2,
     "MIRROR": 0.2,
+    "CASTING_SIDES": "0u",
+    "SHADOW_NEAR": 0.001,
     "RAY_VIEW": 0,
     "MASKED_FLAG": 128,
     "BLENDED_FLAG": 256,
@@ -185,6 +189,7 @@ GIVEN_IN: dict[str, dict[str, int | float | str | None]] = {
         "BVH_COUNT_SHIFT": "29u",
         "BVH_NO_CHILD": "4294967295u",
         "BVH_NON_OPAQUE": "1u",
+        "BVH_TWO_SIDED": "2u",
         "BVH_UNUSABLE": "1u",
         "BVH_STACK": 76,
     },
@@ -280,44 +285,69 @@ def conditions(path):
         names = list(dict.fromkeys([*names, *now]))
 
 
-def variants(names):
-    """Yield the definitions of each variant: nothing, each condition alone, all, all but each; and every view."""
+def variants(names, long):
+    """Yield the definitions of each variant: nothing, all, each condition alone, every view; with `long` all but each.
+
+    Of the last ones two thirds do not compile, and the others add a third to the modules.
+    """
     everything = dict.fromkeys(names, 1)
     yield GIVEN
     yield GIVEN | everything
     for name in names:
         yield GIVEN | {name: 1}
-        yield GIVEN | {other: 1 for other in names if other != name}
+        if long:
+            yield GIVEN | {other: 1 for other in names if other != name}
     if "VIEW" in names:
         for view in range(VIEWS):
             yield GIVEN | everything | {"VIEW": view}
 
 
-def modules_of(path, names):
-    """Return the distinct modules of a file; a variant that no program asks for may not compile."""
+def bare(text):
+    """Return a text without marks of lines, and without macros in front of it that it does not name.
+
+    Most shaders are the same in several chapters, but for their paths and what other shaders of a chapter are given.
+    """
+    head, _, body = text.partition("#line 1 1\n")
+    named = {*re.findall(r"\w+", body)}
+    kept = [line for line in head.splitlines() if not line.startswith("#define ") or line.split()[1] in named]
+    return "\n".join(kept) + re.sub(r"#line.*", "", body)
+
+
+def modules_of(path, names, known, long):
+    """Return the distinct modules of a file; a variant that no program asks for may not compile.
+
+    `known` are texts of any file, with their module; None for one that does not compile.
+    """
     codes = {}
-    for defines in variants(names):
-        try:
-            codes[shared().compile(built(path, defines))] = None
-        except ShaderError:
-            continue
-    return list(codes)
+    for defines in variants(names, long):
+        source = built(path, defines)
+        key = source.stage, bare(source.text)
+        if key not in known:
+            try:
+                known[key] = shared().compile(source)
+            except ShaderError:
+                known[key] = None
+        codes[known[key]] = None
+    return [code for code in codes if code is not None]
 
 
 @pytest.fixture(scope="module")
-def modules():
-    """Every distinct module, with its disassembly and where it came from."""
-    found = {}
+def modules(request):
+    """Every distinct module, with its disassembly and where it came from: for whichever chapter's parser, the same."""
+    long = request.config.getoption("--long")
+    return once(request.config, "modules of every shader", lambda: every_module(long))
+
+
+def every_module(long):
+    found, known = {}, {}
     texts = set()
     for path in files():
         names, text = conditions(path)
-        bare = re.sub(
-            r"#line.*", "", text
-        )  # most shaders are the same in several chapters, except for their path
-        if bare in texts:
+        text = path.suffix, bare(text)
+        if text in texts:
             continue
-        texts.add(bare)
-        codes = modules_of(path, names)
+        texts.add(text)
+        codes = modules_of(path, names, known, long)
         assert codes, f"{path} compiles in no variant"
         for code in codes:
             found.setdefault(code, path.relative_to(ROOT).as_posix())

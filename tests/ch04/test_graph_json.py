@@ -378,5 +378,5 @@ def test_ten_thousand_files_that_are_nearly_right(tmp_path):
 @pytest.mark.parametrize("name", ["deferred", "forward"])
 def test_a_graph_of_the_chapter_ends_in_a_picture(name):
     graph = read_graph(graph_path(name))
-    assert graph.title and graph.uses[-1].name == "tonemap"
+    assert graph.title and graph.uses[-1].name in ("tonemap", "fxaa")  # codes are what FXAA smooths
     assert len(graph.passes) == len(graph.uses) > 3

@@ -76,7 +76,7 @@ def normal_of(stored_normal: np.ndarray, format: str) -> np.ndarray:
     [
         pytest.param("octahedral", 0.005, 0.004, marks=pytest.mark.core),
         ("compact", 0.005, 0.11),
-        ("half", 0.005, 0.06),
+        pytest.param("half", 0.005, 0.06, marks=pytest.mark.long),
         ("full", 1e-6, 1e-4),
     ],
 )
@@ -94,7 +94,9 @@ def test_a_quad_is_kept_as_its_formats_say(chapter, format, color, degrees):
 
 
 @pytest.mark.feature("gbuffer/layout", "visibility-buffer/ids")
-@pytest.mark.parametrize("format", FORMATS)
+@pytest.mark.parametrize(
+    "format", [pytest.param(it, marks=[pytest.mark.long] * (it in ("half", "full"))) for it in FORMATS]
+)
 def test_a_kernel_stores_the_codes_that_a_target_stores(chapter, format):
     """The base colour's code differs by one step of 8 bits at most: each rounds 255 times the same value by itself.
 
@@ -168,7 +170,7 @@ def test_a_position_is_found_again_from_its_depth(chapter, distance):
 
 
 @pytest.mark.feature("gbuffer/layout")
-@pytest.mark.parametrize("graph", ["deferred", "compute"])
+@pytest.mark.parametrize("graph", ["deferred", pytest.param("compute", marks=pytest.mark.long)])
 def test_a_scene_without_emission_has_no_target_for_it(chapter, graph):
     """The pair: the target is not there, and the picture has the bits of a frame that keeps it."""
     pictures = []
@@ -181,7 +183,9 @@ def test_a_scene_without_emission_has_no_target_for_it(chapter, graph):
 
 
 @pytest.mark.feature("gbuffer/layout")
-@pytest.mark.parametrize(("graph", "culling"), [("deferred", "occlusion"), ("compute", "off")])
+@pytest.mark.parametrize(
+    ("graph", "culling"), [("deferred", "occlusion"), pytest.param("compute", "off", marks=pytest.mark.long)]
+)
 def test_an_edit_lights_a_lamp_and_puts_it_out(chapter, graph, culling):
     """Each frame after an edit is that of a renderer which was opened with the edited scene."""
     settings = Settings(graph=graph, culling=culling, ambient=0.2)

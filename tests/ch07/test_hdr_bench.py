@@ -109,10 +109,10 @@ def test_the_table_and_the_figures_say_all_of_it(record):
     assert all(
         word in text for word in (*hdr.WAYS, *hdr.FORMATS, *hdr.PASSES, "closed form", "stops", "by a pixel")
     )
-    rows = dict(figures._hdr({"hdr": record}))
+    rows = dict(figures.PARTS["hdr"]({"hdr": record}))
     assert len(rows) == sum(len(record[part]) for part in ("exposures", "adaptation", "bloom", "passes"))
     assert {row["pass"] for row in record["passes"]} == set(hdr.PASSES)
-    assert dict(figures._hdr({})) == {}
+    assert dict(figures.PARTS["hdr"]({})) == {}
 
 
 def test_a_chapter_without_the_setting_has_no_such_part():

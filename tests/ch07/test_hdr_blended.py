@@ -71,9 +71,18 @@ def found(chapter, scene, **knobs):
         return [exposure_of(renderer, renderer.render(view, 10.0 * number)) for number in range(6)]
 
 
-@pytest.mark.parametrize("mode", MODES)
-@pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("layers", [((0.25, 40.0),), ((0.5, 900.0), (0.25, 900.0), (0.75, 900.0))])
+ONE, THREE = ((0.25, 40.0),), ((0.5, 900.0), (0.25, 900.0), (0.75, 900.0))
+
+
+@pytest.mark.parametrize(
+    ("layers", "way", "mode"),
+    [
+        pytest.param(layers, way, mode, marks=[pytest.mark.long] * ((at + number + of) % 2))
+        for of, layers in enumerate((ONE, THREE))
+        for at, way in enumerate(WAYS)
+        for number, mode in enumerate(MODES)
+    ],
+)
 def test_panes_alone_are_measured_without_the_grey_behind_them(chapter, mode, way, layers):
     """E = k / L, whatever shows through; the mean over the picture has them on half of it.
 

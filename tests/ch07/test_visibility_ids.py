@@ -13,7 +13,7 @@ from tests.support.culled_frames import ways
 from tests.support.towns import town, walk
 from tests.twins.visibility import raster
 
-SIZE = (96, 54)
+SIZE = (64, 36)
 IDS = Settings(surfaces="visibility", graph="deferred", anisotropy=1.0)
 VIEWS = (walk()[0], walk()[-1])
 

@@ -128,7 +128,7 @@ def test_memory_at_equal_error_lies_on_a_line_of_logarithms():
 
 @pytest.fixture(scope="module", params=DRIVEN)
 def filters(request):
-    return measured(request, shadow_filters, ANGLE=6.0, RADIUS=0.1, QUICK_RAYS=32)
+    return measured(request, shadow_filters, ANGLE=6.0, RADIUS=0.1, QUICK_RAYS=12)
 
 
 @pytest.mark.feature("shadows/pcf", "shadows/depth-bias", "tools/bench")

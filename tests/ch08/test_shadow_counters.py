@@ -99,9 +99,10 @@ def test_a_resting_frame_counts_nothing_and_waits_for_nothing(chapter):
 
 
 @pytest.mark.feature("shadows/instance-culling")
-def test_rounds_of_a_frame_add_up(chapter, scene):
+def test_rounds_of_a_frame_add_up(chapter):
     """Faces of 512 texels are 32 a round, and those of 128 are 64: two rounds and one, of the same 39 faces."""
     several(chapter)
+    scene = lit(town(count=50), *lamps(9))
     with chapter.open(scene, SIZE, replaced(BASE, shadow_size=512)) as renderer:
         frame = renderer.render(VIEW)
         rounds = renderer.techniques["shadows"].passes["shadows"].schedule.rounds

@@ -120,8 +120,9 @@ def test_no_face_misses_what_it_sees_and_commands_follow_the_lists(chapter, scen
 
 
 @pytest.mark.feature("shadows/cull-toggles")
-def test_toggles_change_counts_and_no_bit_of_a_map(chapter, scene):
+def test_toggles_change_counts_and_no_bit_of_a_map(chapter):
     several(chapter)
+    scene = lit(town(count=80), *lamps(4))
     pages, counts = [], []
     for off in (
         (),
@@ -145,7 +146,7 @@ def test_toggles_change_counts_and_no_bit_of_a_map(chapter, scene):
 @pytest.mark.parametrize("missing", ["multi-draw", "draw-indirect-count"])
 def test_devices_without_indirect_draws_draw_the_same_maps(chapter, scene, missing):
     several(chapter)
-    few = lit(town(count=60), *lamps(4))
+    few = lit(town(count=30), *lamps(3))
     pages = []
     for without in ((), (missing,)):
         with chapter.open(few, SIZE, replaced(BASE, geometry="auto"), without=without) as renderer:

@@ -52,7 +52,7 @@ def has_mesh_shaders(chapter):
             pytest.skip(f"the device is used without {name}")
 
 
-def mixed(count=120):
+def mixed(count=60):
     """Return the town with meshes that are half of its waves: none of these is cut, since they share their indices.
 
     Commands draw them, and mesh shaders draw what else is of their material: balls, which are cut, and cubes.
@@ -103,7 +103,7 @@ SCENES = {
     "spot": lambda: under(town(count=120), SPOT),
     "point": lambda: under(town(count=120), POINT),
     "masked": lambda: under(holes(), SUN, POINT),
-    "many": lambda: lit(mixed(300), *lamps(12, directional=1)),
+    "many": lambda: lit(mixed(120), *lamps(12, directional=1)),
     "deforming": bending,
     "whole": lambda: under(balls([(x, 0.0, 0.0) for x in (0.0, 3.0, 6.0)], ball(3, 4)), SUN),
 }
@@ -131,7 +131,10 @@ def assert_same(one, other):
 @pytest.mark.feature("shadows/mesh-shader-layers", "shadows/per-face-fallback")
 @pytest.mark.parametrize(
     "kind",
-    [pytest.param(kind, marks=[pytest.mark.long] * (kind in ("sun", "spot", "masked"))) for kind in SCENES],
+    [
+        pytest.param(kind, marks=[pytest.mark.long] * (kind in ("sun", "spot", "point", "masked")))
+        for kind in SCENES
+    ],
 )
 def test_layers_hold_the_bits_of_maps_that_are_drawn_face_by_face(chapter, kind):
     scene = SCENES[kind]()
@@ -228,9 +231,8 @@ def test_groups_cover_lists_of_any_length_and_know_their_layers(chapter, monkeyp
     "off",
     [
         "",
-        "cones",
         "faces",
-        *(pytest.param(name, marks=pytest.mark.long) for name in ("instances", "meshlets")),
+        *(pytest.param(name, marks=pytest.mark.long) for name in ("cones", "instances", "meshlets")),
     ],
 )
 def test_toggles_change_the_counts_of_both_paths_alike(chapter, off):
@@ -259,7 +261,7 @@ def test_toggles_change_the_counts_of_both_paths_alike(chapter, off):
 @pytest.mark.feature("shadows/per-face-fallback")
 @pytest.mark.parametrize("most", [pytest.param(1, marks=pytest.mark.long), 3])
 def test_a_device_with_fewer_layers_draws_the_same_maps(chapter, monkeypatch, most):
-    scene = lit(town(count=120), *lamps(6, directional=1))
+    scene = lit(town(count=40), *lamps(6, directional=1))
     every, _ = drawn(chapter, scene, **MESH)
     monkeypatch.setattr(mesh_layers, "most_layers", lambda device: most)
     few, own = drawn(chapter, scene, **MESH)
@@ -272,7 +274,7 @@ def test_a_device_with_fewer_layers_draws_the_same_maps(chapter, monkeypatch, mo
 def test_a_lamp_that_moves_and_things_that_hide_leave_both_paths_alike(chapter):
     pictures = []
     for path in (MESH, COMPUTE):
-        scene = under(town(count=120), SUN, POINT, SPOT)
+        scene = under(town(count=40), SUN, POINT, SPOT)
         taken = []
         with chapter.open(scene, SIZE, replaced(BASE, **path)) as renderer:
 

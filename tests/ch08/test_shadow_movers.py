@@ -64,7 +64,7 @@ def test_boxes_touch_the_faces_that_see_any_of_their_points():
     records = np.concatenate([records, np.zeros(2, FACE)])
     used = np.r_[np.ones(len(records) - 2, bool), False, False]
     missed = extra = 0
-    for _ in range(300):
+    for _ in range(100):
         low = random.uniform(-6, 5, 3)
         box = np.stack([low, low + random.uniform(0.1, 2.0, 3)])
         found = touched(records, used, box[None])
@@ -79,7 +79,7 @@ def test_boxes_touch_the_faces_that_see_any_of_their_points():
             truth[number] = seen.any()
         missed += (truth & ~found).sum()
         extra += (found & ~truth).sum()
-    assert missed == 0 and extra < 0.05 * 300 * 13
+    assert missed == 0 and extra < 0.05 * 100 * 13
     # Many boxes are tested against the reach of lights alone.
     low = random.uniform(-6, 5, (3000, 3))
     many = np.stack([low, low + 0.2], axis=1)
@@ -125,8 +125,8 @@ def test_movers_are_drawn_over_what_stands_still(chapter, without):
     ):
         settled(renderer, ASIDE)
         technique = renderer.techniques["shadows"]
-        for step in range(4):
-            by = np.array((0.1, 0.05, 0.0)) * (1 if step < 3 else -20)
+        for step in range(2):
+            by = np.array((0.1, 0.05, 0.0)) * (1 if step == 0 else -20)
             lift(scene, by)
             lift(whole, by)
             moved = renderer.render(ASIDE)

@@ -21,7 +21,7 @@ from tools.bench.lessons import parts
 from tools.bench.points import Subject
 
 SMALL = Effort(1, 2, 1, 1, 1, everything=False)
-SIZE = (64, 48)
+SIZE = (48, 36)
 VULKAN, GL = BACKENDS
 DRIVEN = (VULKAN, pytest.param(*GL.values, marks=[*GL.marks, pytest.mark.long]))
 """A bench drives what the tests of fog draw with both, so OpenGL is measured with --long alone."""
@@ -38,7 +38,14 @@ def measured(request, **patched):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Subject, "load", lambda self, name, around="none": scene)
         for name, value in (
-            {"QUICK_GRID": (32, 18, 16), "GRIDS": ((16, 9, 8),), "SETTLED": 6} | patched
+            {
+                "QUICK_GRID": (32, 18, 16),
+                "GRIDS": ((16, 9, 8),),
+                "SETTLED": 6,
+                "QUICK_PIXELS": 40,
+                "RAMP_SIZE": (80, 180),
+            }
+            | patched
         ).items():
             patch.setattr(fog, name, value)
         subject = Subject(10, request.param, scene, SIZE, device)

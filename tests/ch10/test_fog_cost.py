@@ -61,7 +61,9 @@ def without_kernels(monkeypatch):
 
 @pytest.mark.feature("fog/medium", "fog/froxel-volume")
 @pytest.mark.variants("vulkan", "gl")
-@pytest.mark.parametrize("walks", PATHS, indirect=True)
+@pytest.mark.parametrize(
+    "walks", [pytest.param("compute", marks=pytest.mark.long), "deferred"], indirect=True
+)
 def test_a_frame_calls_few_more_functions_than_one_of_the_chapter_before(chapter, walks):
     """Without fog one more technique is asked, by three calls.
 
@@ -79,7 +81,9 @@ def test_a_frame_calls_few_more_functions_than_one_of_the_chapter_before(chapter
 @pytest.mark.alone
 @pytest.mark.feature("fog/medium", "fog/froxel-volume")
 @pytest.mark.variants("vulkan")
-@pytest.mark.parametrize("walks", PATHS, indirect=True)
+@pytest.mark.parametrize(
+    "walks", ["compute", pytest.param("deferred", marks=pytest.mark.long)], indirect=True
+)
 def test_a_frame_takes_little_more_time_of_its_thread(without_kernels, walks, monkeypatch):
     """CPU time of the thread that renders, without that of the driver in calls that submit and wait.
 

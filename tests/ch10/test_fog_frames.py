@@ -55,7 +55,7 @@ def distances(depth, view=VIEW):
 
 
 @pytest.mark.feature("fog/apply", "fog/medium")
-@pytest.mark.parametrize("graph", ["deferred", "compute", "forward"])
+@pytest.mark.parametrize("graph", ["deferred", pytest.param("compute", marks=pytest.mark.long), "forward"])
 def test_fog_at_a_surface_is_that_up_to_its_depth(chapter, graph):
     """Against the twin, which takes the end of the slice before and the closed form of the rest, at each pixel."""
     scene = foggy(LAMP, medium=HAZE, material=WHITE)
@@ -97,17 +97,18 @@ def test_surfaces_are_dimmed_by_beer_lambert_at_their_own_depth(chapter):
 
 
 @pytest.mark.feature("fog/apply")
-@pytest.mark.parametrize("graph", ["deferred", "compute"])
-def test_all_paths_give_the_same_picture(chapter, graph):
+def test_all_paths_give_the_same_picture(chapter):
     scene = foggy(LAMP, spot((1.5, 4.0, 1.0), (0.0, 0.5, 0.0)), medium=LAYERS)
-    forward, _ = picture(chapter, scene, graph="forward", ambient=3.0, background=0.3)
-    other, _ = picture(chapter, scene, graph=graph, ambient=3.0, background=0.3)
-    assert np.abs(other - forward).max() < 1e-4 * forward.max()
+    forward, *others = (
+        picture(chapter, scene, graph=graph, ambient=3.0, background=0.3)[0]
+        for graph in ("forward", "deferred", "compute")
+    )
+    assert all(np.abs(other - forward).max() < 1e-4 * forward.max() for other in others)
     assert (forward > 0).all()  # there is light of the fog everywhere, and of what is behind
 
 
 @pytest.mark.feature("fog/apply")
-@pytest.mark.parametrize("graph", ["deferred", "compute", "forward"])
+@pytest.mark.parametrize("graph", ["deferred", pytest.param("compute", marks=pytest.mark.long), "forward"])
 def test_a_blended_surface_is_seen_through_the_same_fog(chapter, graph):
     """With an alpha of 1 it has the light of a solid one."""
     solid = Material(roughness=1.0, metallic=0.0, double_sided=True)
@@ -162,8 +163,16 @@ def test_light_of_columns_is_that_of_quadrature(chapter):
 
 
 @pytest.mark.feature("fog/half-resolution-apply")
-@pytest.mark.parametrize("graph", ["deferred", "compute"])
-@pytest.mark.parametrize("size", [(64, 48), (61, 47)])
+@pytest.mark.parametrize(
+    ("graph", "size"),
+    [
+        *(("deferred", (61, 47)), ("compute", (64, 48))),
+        *(
+            pytest.param(*case, marks=pytest.mark.long)
+            for case in (("deferred", (64, 48)), ("compute", (61, 47)))
+        ),
+    ],
+)
 def test_half_resolution_has_no_halo(chapter, graph, size):
     """Nowhere, across depth edges neither, is a picture off by two steps of 8 bits; taking any depth does worse."""
     near = placed((2.4, 2.1, 3.2), (0.6, 0.5), (0.9, 0.1, 0.5))

@@ -90,10 +90,17 @@ ENDS = (
 
 
 @pytest.mark.feature("demo/combined-effects")
-@pytest.mark.parametrize(("name", "off"), [("fxaa", {"fxaa": False}), ("taa", {"taa": "off"})])
-@pytest.mark.parametrize("end", ENDS, ids=" ".join)
-def test_fxaa_or_history_switched_off_gives_the_frame_opened_without_it(chapter, name, off, end):
+@pytest.mark.parametrize(
+    ("name", "end"),
+    [
+        pytest.param(name, end, marks=[pytest.mark.long] * (at % 2 != own), id=f"{name}-{' '.join(end)}")
+        for own, name in enumerate(("fxaa", "taa"))
+        for at, end in enumerate(ENDS)
+    ],
+)
+def test_fxaa_or_history_switched_off_gives_the_frame_opened_without_it(chapter, name, end):
     """To the bit, and with the same passes: dither and split are done by whichever pass is the last."""
+    off = {"fxaa": {"fxaa": False}, "taa": {"taa": "off"}}[name]
     history = HISTORY if name == "taa" else {}
     settings = replaced(BASE, **FXAA, **history, **end, display_gamma=1.4)
     with chapter.open(yard(LAMP), SIZE, settings) as renderer:
@@ -151,7 +158,7 @@ def test_all_off_is_the_plain_frame(chapter):
 
 
 @pytest.mark.feature("demo/combined-effects")
-@pytest.mark.parametrize("view", ["normal", "roughness"])
+@pytest.mark.parametrize("view", ["normal", pytest.param("roughness", marks=pytest.mark.long)])
 def test_a_view_of_a_quantity_shows_none_of_them(chapter, view):
     settings = replaced(BASE, view=view, graph="auto")
     plain, steps = frames(chapter, settings)

@@ -32,6 +32,8 @@ WITH = {"history": HISTORY, "blur": {"motion_blur": 1.0}, "all": {**HISTORY, **F
 """Frames with a history, with motion vectors alone, and with every pass of the lesson."""
 
 GRAPHS = ("forward", "deferred", "compute")
+SAMPLE = ["deferred", *(pytest.param(graph, marks=pytest.mark.long) for graph in ("forward", "compute"))]
+WITHOUT = {("deferred", "defaults"), ("forward", "finish")}
 TARGETS = {"history_color", "motion_camera"}
 
 
@@ -61,7 +63,7 @@ def without_draws(monkeypatch):
 
 @pytest.mark.feature("taa/history")
 @pytest.mark.variants("vulkan", "gl")
-@pytest.mark.parametrize("walks", GRAPHS, indirect=True)
+@pytest.mark.parametrize("walks", SAMPLE, indirect=True)
 def test_a_frame_calls_few_more_functions_than_one_of_the_chapter_before(chapter, walks):
     """Without a history each technique is asked for constants, and two more exist.
 
@@ -77,9 +79,15 @@ def test_a_frame_calls_few_more_functions_than_one_of_the_chapter_before(chapter
 
 @pytest.mark.feature("taa/history")
 @pytest.mark.variants("vulkan", "gl")
-@pytest.mark.parametrize("graph", GRAPHS)
 @pytest.mark.parametrize(
-    "values", [{}, {"sharpen": 1.0, "fxaa": True, "dither": 1.0}], ids=("defaults", "finish")
+    ("graph", "values"),
+    [
+        pytest.param(
+            graph, values, id=f"{graph}-{name}", marks=[pytest.mark.long] * ((graph, name) not in WITHOUT)
+        )
+        for graph in GRAPHS
+        for name, values in (("defaults", {}), ("finish", {"sharpen": 1.0, "fxaa": True, "dither": 1.0}))
+    ],
 )
 def test_without_history_blur_and_scale_there_is_no_target_and_no_jitter(chapter, graph, values):
     """The frame has no history of colour, no image of motion and no jitter. With them the same names are there."""
@@ -111,7 +119,9 @@ def test_without_history_blur_and_scale_there_is_no_target_and_no_jitter(chapter
 @pytest.mark.alone
 @pytest.mark.feature("taa/history")
 @pytest.mark.variants("vulkan")
-@pytest.mark.parametrize("walks", ["deferred", "compute"], indirect=True)
+@pytest.mark.parametrize(
+    "walks", [pytest.param("deferred", marks=pytest.mark.long), "compute"], indirect=True
+)
 def test_a_frame_takes_little_more_time_of_its_thread(without_draws, walks, monkeypatch):
     """CPU time of the thread that renders, without that of the driver in calls that submit and wait.
 

@@ -64,16 +64,16 @@ def ghost(chapter, color, **values):
 
 
 @pytest.mark.feature("taa/variance-clip-clamped")
-def test_clipping_to_both_boxes_leaves_the_least_ghost(chapter):
+@pytest.mark.parametrize("color", [COLORS[0], pytest.param(COLORS[1], marks=pytest.mark.long)])
+def test_clipping_to_both_boxes_leaves_the_least_ghost(chapter, color):
     """An object passes before a wall, and depth, which would find most ghosts, does not count."""
     found = {
-        name: [ghost(chapter, color, taa_constraint=name, taa_tolerance=0.0)[0] for color in COLORS]
+        name: ghost(chapter, color, taa_constraint=name, taa_tolerance=0.0)[0]
         for name in ("clamp", "clip", "variance", "variance-clamp")
     }
-    best = np.array(found.pop("variance-clamp"))
-    for name, others in found.items():
-        assert (best <= others).all(), (name, best, others)
-    assert (best < 0.6 * np.array(found["clamp"])).all()
+    best = found.pop("variance-clamp")
+    assert best <= min(found.values()), (best, found)
+    assert best < 0.6 * found["clamp"]
 
 
 @pytest.mark.feature("taa/variance-clip-clamped")

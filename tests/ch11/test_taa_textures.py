@@ -49,24 +49,23 @@ def test_a_bias_of_a_quarter_mixes_a_quarter_of_the_finer_level(chapter, surface
     changes the picture by its part of the difference of two levels: of these, and for the coarser one also of the next.
     Below the finest level there would be nothing to mix.
     """
-    coarsest, whole, finer, between = (
-        picture(chapter, mip_bias=bias, surfaces=surfaces) for bias in (2.0, 1.0, 0.0, 0.75)
-    )
+    software = chapter.device.capabilities.is_software
+    whole, finer, between = (picture(chapter, mip_bias=bias, surfaces=surfaces) for bias in (1.0, 0.0, 0.75))
+    coarsest = whole if software else picture(chapter, mip_bias=2.0, surfaces=surfaces)
     apart = np.abs(finer - whole)
     assert apart.mean() > 0.05 * whole.mean()
     step = level_step(chapter.device, given_gradients=surfaces == "visibility")
     of_whole = 0.25 * apart + 0.75 * np.maximum(apart, np.abs(coarsest - whole))
-    off = apart + (0.0 if chapter.device.capabilities.is_software else of_whole)
+    off = apart + (0.0 if software else of_whole)
     assert (np.abs(between - (0.25 * finer + 0.75 * whole)) <= step * off + 1e-3 * whole.max()).all()
 
 
 @pytest.mark.feature("taa/mip-bias")
 def test_without_a_history_there_is_no_bias(chapter):
-    assert np.array_equal(
-        picture(chapter, taa="off", mip_bias=-1.0), picture(chapter, taa="off", mip_bias=0.0)
-    )
-    assert np.array_equal(picture(chapter, mip_bias=0.0), picture(chapter, taa="off"))
-    assert not np.array_equal(picture(chapter, mip_bias=1.0), picture(chapter, taa="off"))
+    off = picture(chapter, taa="off", mip_bias=0.0)
+    assert np.array_equal(picture(chapter, taa="off", mip_bias=-1.0), off)
+    assert np.array_equal(picture(chapter, mip_bias=0.0), off)
+    assert not np.array_equal(picture(chapter, mip_bias=1.0), off)
 
 
 @pytest.mark.feature("taa/uv-unjitter")

@@ -116,6 +116,51 @@ def test_a_tree_is_better_than_halves(corners):
     assert build.sah_cost(build.build(low, high)) < 0.9 * halves
 
 
+SIZES = (0, 1, 700, 3, 4, 5, 0, 17, 3000, 2, 64, 65, 0)
+"""Of many lists: none, those of one leaf, and deep ones between shallow ones."""
+
+
+@pytest.mark.parametrize("largest", [1, 2, 4])
+def test_trees_that_are_built_together_are_those_built_alone(largest):
+    lists = [
+        boxes_of(soup(count, count, 0.1) * np.float32(10.0 ** (at % 7 - 3))) for at, count in enumerate(SIZES)
+    ]
+    lists.append((np.zeros((200, 3), np.float32), np.ones((200, 3), np.float32)))  # split in the middle
+    low, high = (np.concatenate(parts) for parts in zip(*lists, strict=True))
+    together = build.build_all(low, high, [len(part) for part, _ in lists], largest)
+    for tree, (low, high) in zip(together, lists, strict=True):
+        check(tree, low, high, largest)
+        if 0 < len(low) <= largest:
+            assert tree.children.tolist() == [[~0, ~1]] and tree.count.tolist() == [len(low), 0]
+        alone = build.build(low, high, largest)
+        assert tree.levels == alone.levels
+        for name in ("order", "children", "low", "high", "first", "count"):
+            assert np.array_equal(getattr(tree, name), getattr(alone, name)), name
+
+
+@pytest.mark.parametrize("batch", [1, 100, pack.BATCH])
+def test_meshes_that_are_built_together_are_those_built_alone(monkeypatch, batch):
+    """Nodes and triangles to the bit, with triangles left out and kept, however many are built at once."""
+    monkeypatch.setattr(pack, "BATCH", batch)
+    meshes = []
+    for count in SIZES:
+        corners = soup(count, count, 0.1)
+        corners[: count // 5, 1] = corners[: count // 5, 0]  # no area
+        corners[count // 2 : count // 2 + count // 9, 2, 1] = np.nan
+        meshes.append(indexed(corners))
+    deforming = [1, 2, 6, 7]
+    together = pack.mesh_trees(meshes, deforming)
+    for mesh, (tree, parts) in enumerate(zip(together, meshes, strict=True)):
+        alone = pack.mesh_tree(*parts, mesh=mesh, deforming=mesh in deforming)
+        for name in ("nodes", "triangles", "box"):
+            assert getattr(tree, name).tobytes() == getattr(alone, name).tobytes(), (mesh, name)
+        assert (tree.levels, tree.left_out) == (alone.levels, alone.left_out)
+        kept = len(parts[1]) // 3 - (0 if mesh in deforming else tree.left_out)
+        assert len(tree.triangles) == kept
+        assert (tree.triangles["flags"] == 0).sum() == len(parts[1]) // 3 - tree.left_out
+    assert sum(tree.left_out for tree in together) > 500 and pack.mesh_trees([]) == []
+
+
 def test_morton_order_follows_the_curve():
     cells = np.stack(np.meshgrid(*[np.arange(8)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     codes = morton.codes(cells.astype(np.float32), bits=3)
@@ -147,24 +192,25 @@ def test_what_is_too_large_is_refused():
 
 @pytest.mark.long
 @pytest.mark.needs("embreex")
-def test_100_000_triangles_take_less_than_thrice_embree_s_time():
+@pytest.mark.parametrize("small", [False, True], ids=["one mesh", "200 meshes"])
+def test_100_000_triangles_take_less_than_thrice_embree_s_time(small):
     from embreex import rtcore_scene
     from embreex.mesh_construction import TriangleMesh
 
     positions, triangles = icosphere(6)
     positions = np.float32(positions * (1 + 0.02 * np.random.default_rng(1).normal(size=(len(positions), 1))))
-    positions, indices = indexed(
-        np.concatenate([positions[triangles], soup(100_000 - len(triangles), 2, 0.01)])
-    )
+    corners = np.concatenate([positions[triangles], soup(100_000 - len(triangles), 2, 0.01)])
+    meshes = [indexed(part) for part in (np.split(corners, 200) if small else [corners])]
     ray = np.zeros((1, 3), np.float32), np.float32([(0, 0, 1)])
 
     def ours():
-        pack.mesh_tree(positions, indices)
+        pack.mesh_trees(meshes)
 
     def theirs():
-        scene = rtcore_scene.EmbreeScene()
-        TriangleMesh(scene, positions, indices.reshape(-1, 3).astype(np.int32))
-        scene.run(*ray)
+        for positions, indices in meshes:
+            scene = rtcore_scene.EmbreeScene()
+            TriangleMesh(scene, positions, indices.reshape(-1, 3).astype(np.int32))
+            scene.run(*ray)
 
     # Of the process's own time, by turns: other programs on the machine count for neither.
     times = {ours: [], theirs: []}

@@ -94,7 +94,11 @@ def words_of(positions, indices):
     return np.concatenate([positions.reshape(-1).view(np.uint32), indices.astype(np.uint32)]), table
 
 
-@pytest.mark.parametrize("count", [1, 3, 4, 5, 8, 9, 33, 1000])
+COUNTS = [1, *(pytest.param(count, marks=pytest.mark.long) for count in (3, 4, 5, 8, 9)), 33, 1000]
+"""Triangles; a leaf has up to four."""
+
+
+@pytest.mark.parametrize("count", COUNTS)
 def test_a_rebuilt_mesh_is_hit_as_by_brute_force(kernels, tracer, count):
     rebuilder = Rebuilder(kernels)
     start, end = soup(count, 1, 0.1), soup(count, count + 1, 0.1 if count > 100 else 0.7)

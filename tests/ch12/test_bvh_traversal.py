@@ -12,6 +12,7 @@ from common.gltf import load_scene
 from common.scene.pose import evaluate_pose
 from tests.support.hierarchies import Tracer, icosphere, indexed, random_rays, rays_of, soup, torus
 from tests.support.kernels import kernels_on
+from tests.twins.brute_rays import nearest as every_triangle
 from tests.twins.rays import box_interval, moeller_trumbore, nearest
 
 pytestmark = [pytest.mark.variants("vulkan", "gl"), pytest.mark.feature("ray-tracing/software-bvh")]
@@ -223,6 +224,36 @@ def test_surfaces_that_are_not_opaque_ask_for_each_candidate(tracer):
     assert np.array_equal(tracer.occluded(buffers, rays, 0xFF, *BOTH)[sure], which[sure] >= 0)
     opaque = tracer.trace(buffers, rays)
     assert not np.array_equal(opaque.primitive, hits.primitive)
+
+
+def test_a_side_is_skipped_of_surfaces_with_one_side(tracer):
+    """Of three instances, one mirrored, the last has two sides. Sides are those of object space."""
+    corners = soup(120, 31, 0.3)
+    matrices = np.tile(np.eye(4), (3, 1, 1))
+    matrices[1] = np.diag((-1.0, 1.0, 1.0, 1.0))
+    matrices[1:, :3, 3] = (0.5, 0.3, 0.0), (0.0, -0.6, 0.3)
+    flags = [0, model.NON_OPAQUE, model.TWO_SIDED]
+    buffers = pack.buffers([pack.mesh_tree(*indexed(corners))], matrices, [0] * 3, flags=flags)
+    placed = [corners.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3] for matrix in matrices]
+    ids = np.array([(i, k, i == 1) for i in range(3) for k in range(120)])
+    rays = rays_of(*random_rays(1500, 32))
+    seen = {}
+    for sides, side in ((0, ""), (16, "backs"), (32, "fronts")):
+        tracer.sides = sides
+        try:
+            hits, blocked = tracer.trace(buffers, rays), tracer.occluded(buffers, rays)
+        finally:
+            tracer.sides = 0
+        left = {side: ids[:, 0] == 2} if side else {}
+        truth = every_triangle(rays[:, :3], rays[:, 4:7], 0.0, 1e30, np.concatenate(placed), ids, **left)
+        sure = truth.margin > 1e-4
+        assert sure.mean() > 0.5 and set(truth.instance[sure].tolist()) == {-1, 0, 1, 2}
+        for found, wanted in ((hits.instance, truth.instance), (hits.primitive, truth.primitive)):
+            assert np.array_equal(found[sure], wanted[sure])
+        assert np.array_equal(hits.back[sure], truth.back[sure])
+        assert np.array_equal(blocked[sure], (truth.instance >= 0)[sure])
+        seen[sides] = hits.instance
+    assert (seen[0] != seen[16]).sum() > 50 and (seen[16] != seen[32]).sum() > 50
 
 
 def test_ends_of_rays_do_not_belong_to_them(tracer):

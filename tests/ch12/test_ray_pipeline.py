@@ -343,11 +343,11 @@ void main() {
     vec2 at = (vec2(id) + 0.5) / vec2(size) * 4.0 - 2.0;
     Ray down = Ray(vec3(at, 5.0), 0.0, vec3(0.0, 0.0, -1.0), 100.0);
     Ray up = Ray(vec3(at, 5.0), 0.0, vec3(0.0, 0.0, 1.0), 100.0);
-    trace(down, 0xFFu);
-    bool none = occluded(up, 0xFFu);
+    trace(down, 0xFFu, 0u);
+    bool none = occluded(up, 0xFFu, 0u);
     uvec4 first = uvec4(floatBitsToUint(ray_hit.t), ray_hit.instance, ray_hit.primitive, uint(none));
-    bool some = occluded(down, 0xFFu);
-    trace(up, 0xFFu);
+    bool some = occluded(down, 0xFFu, 0u);
+    trace(up, 0xFFu, 0u);
     uint place = 2u * (id.x + size.x * id.y);
     hits[place] = first;
     hits[place + 1u] = uvec4(uint(some), ray_blocked, ray_hit.instance, 1u);

@@ -16,7 +16,7 @@ from chapters.ch12.scene.records import RECORD_BYTES
 from common.errors import SceneError
 from common.numerics.transforms import translation
 from common.scene import Material
-from tests.support.ray_scenes import placements, random_rays, soup, soup_scene, world_triangles
+from tests.support.ray_scenes import placements, random_rays, soup, soup_scene, two_sided, world_triangles
 from tests.support.ray_traces import WAYS, traces_of
 from tests.support.scenes import facing
 from tests.twins.brute_rays import nearest
@@ -102,6 +102,37 @@ def test_masks_choose_instances_and_hidden_ones_are_not_hit(chapter, way, tmp_pa
             edit.set_visible(0, False)
         traces.build()
         assert seen(SURFACES | BLENDED) == {1, 2}
+
+
+@pytest.mark.feature("ray-tracing/any-hit-and-intersection")
+def test_a_side_is_skipped_of_surfaces_with_one_side(chapter, way, tmp_path):
+    """Of instances of two meshes, one mirrored, those of one mesh have two sides. Sides are those of object space."""
+    drawn = [(k % 2, matrix) for k, matrix in enumerate(placements())]
+    drawn.append((0, placements()[3] @ translation((0.5, 0.2, 0.0))))
+    kinds = (Material(), Material(double_sided=True))
+    scene = soup_scene([soup(60, 25), soup(60, 26)], drawn, kinds, (0, 1))
+    with traces_of(chapter, ch12.__name__, scene, tmp_path) as traces:
+        pipeline = traces.pipeline(traces.description(way))
+        rays = random_rays(scene, 2000, 27)
+        seen = {}
+        for sides, side in ((0, ""), (16, "backs"), (32, "fronts")):
+            triangles, ids = world_triangles(scene)
+            left = {side: two_sided(scene, ids)} if side else {}
+            truth = nearest(*rays, 0.0, 1e4, triangles, ids, **left)
+            traced = traces.trace(pipeline, *rays, sides=sides)
+            sure = truth.margin > SURE
+            assert sure.mean() > 0.5
+            for found, wanted in ((traced.instance, truth.instance), (traced.primitive, truth.primitive)):
+                assert (found == wanted)[sure].all(), side
+            assert (traced.back == truth.back)[sure].all()
+            assert (traced.blocked == (truth.instance >= 0))[sure].all(), side
+            seen[sides] = traced.instance
+        assert (seen[0] != seen[16]).sum() > 30 and (seen[16] != seen[32]).sum() > 30
+        # An edit that gives a material both sides is followed.
+        with scene.edit() as edit:
+            edit.set_material(0, Material(double_sided=True))
+        traces.build()
+        assert (traces.trace(pipeline, *rays, sides=16).instance == seen[0]).all()
 
 
 ACCEPT = "bool accept(Hit hit) { return hit.primitive % 2u == 0u && hit.at.x > 0.25; }"

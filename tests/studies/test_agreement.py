@@ -25,6 +25,8 @@ ONE_BACKEND = {
     "6/cluster-list": ("vulkan",),
     "8/sparse-buffer": ("vulkan",),
     "9/shading-rates": ("vulkan",),
+    "12/callables": ("vulkan",),
+    "12/buffer-addresses": ("vulkan",),
 }
 """Studies of what only one of the two has."""
 NOT_TWICE = {"5/fragment-order"}

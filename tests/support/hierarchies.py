@@ -22,7 +22,7 @@ layout(local_size_x = 64) in;
 bool accept(Hit hit) { return ((hit.primitive ^ hit.instance) & 1u) == 0u && hit.at.x < 0.5; }
 #endif
 #include "rays/bvh/traverse.glsl"
-struct Push { uvec4 numbers; };  // rays, mask, 1: any hit
+struct Push { uvec4 numbers; };  // rays, mask, 1: any hit, sides that rays skip
 PUSH(Push, push)
 layout(BIND(0, 3, 3), std430) readonly buffer Rays_ { vec4 rays[]; };
 layout(BIND(0, 4, 4), std430) writeonly buffer Hits_ { uvec4 hits[]; };
@@ -33,10 +33,10 @@ void main() {
     }
     Ray ray = Ray(rays[2u * i].xyz, rays[2u * i].w, rays[2u * i + 1u].xyz, rays[2u * i + 1u].w);
     if (push.numbers.z != 0u) {
-        hits[2u * i] = uvec4(occluded(ray, push.numbers.y) ? 1u : 0u);
+        hits[2u * i] = uvec4(occluded(ray, push.numbers.y, push.numbers.w) ? 1u : 0u);
         return;
     }
-    Hit hit = trace(ray, push.numbers.y);
+    Hit hit = trace(ray, push.numbers.y, push.numbers.w);
     hits[2u * i] = uvec4(hit.instance, hit.primitive, floatBitsToUint(hit.t), hit.flags);
     uint steps = 0u;
 #ifdef STEPS
@@ -67,6 +67,9 @@ class Hits:
 class Tracer:
     """Traces rays against `Buffers` of the chapter's rays/bvh by `kernels`; `model` is its module of that name."""
 
+    sides = 0
+    """Sides of surfaces with one side that rays skip: bits of rays/ray.glsl."""
+
     def __init__(self, kernels: Any, model: Any, folder: Path) -> None:
         self.kernels, self.constants = kernels, tuple(model.CONSTANTS.items())
         self._file = folder / "trace.comp"
@@ -77,7 +80,7 @@ class Tracer:
     ) -> np.ndarray:
         pipeline = self.kernels.pipeline(self._file, defines=(*self.constants, *defines))
         arrays = [buffers.nodes.view(np.uint32), buffers.triangles.view(np.uint32), buffers.instances, rays]
-        push = np.array([len(rays), mask, any_, 0], np.uint32)
+        push = np.array([len(rays), mask, any_, self.sides], np.uint32)
         words: np.ndarray = self.kernels.run(
             pipeline, [*arrays, np.zeros((len(rays), 8), np.uint32)], (len(rays),), push
         )[4]

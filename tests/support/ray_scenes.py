@@ -106,6 +106,12 @@ def world_triangles(scene: Scene) -> tuple[Float64, NDArray[np.int64]]:
     return np.concatenate(triangles), np.concatenate(ids)
 
 
+def two_sided(scene: Scene, ids: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Return (T,) whether triangles with these ids (T, 3), as of `world_triangles`, have a double-sided material."""
+    of_mesh = [scene.materials[material].double_sided for material in scene.meshes["material"]]
+    return np.array(of_mesh, bool)[scene.instances.mesh[ids[:, 0]]]
+
+
 def random_rays(scene: Scene, count: int, seed: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return (N, 3) origins around a scene, and directions of different lengths into it."""
     random = np.random.default_rng(seed)

@@ -28,7 +28,7 @@ RUN = """
 struct Job { vec4 origin; vec4 direction; };  // w: t_min, t_max
 layout(BIND(0, 0, 0), std430) readonly buffer Jobs_ { Job jobs[]; };
 layout(BIND(0, 1, 0), std430) writeonly buffer Hits_ { uvec4 hits[]; };
-struct Push { uvec4 count; };  // x: rays, y: mask
+struct Push { uvec4 count; };  // x: rays, y: mask, z: sides that rays skip
 PUSH(Push, push)
 
 void run(uvec3 id) {
@@ -37,8 +37,8 @@ void run(uvec3 id) {
     }
     Job job = jobs[id.x];
     Ray ray = Ray(job.origin.xyz, job.origin.w, job.direction.xyz, job.direction.w);
-    Hit hit = trace(ray, push.count.y);
-    bool blocked = occluded(ray, push.count.y);
+    Hit hit = trace(ray, push.count.y, push.count.z);
+    bool blocked = occluded(ray, push.count.y, push.count.z);
     hits[2u * id.x] = uvec4(floatBitsToUint(hit.t), hit.instance, hit.primitive, hit.flags);
     hits[2u * id.x + 1u] = uvec4(floatBitsToUint(hit.at), uint(blocked), 1u);
 }
@@ -140,12 +140,16 @@ class RayTraces:
         t_max: float = 1e4,
         mask: int = 0xFF,
         build: int | None = None,
+        sides: int = 0,
     ) -> Traced:
-        """Return what rays (N, 3) hit; with `build`, the slot, structures are built in the same submission."""
+        """Return what rays (N, 3) hit; with `build`, the slot, structures are built in the same submission.
+
+        `sides` are bits of rays/ray.glsl: of surfaces with one side rays skip backs, fronts or nothing.
+        """
         count = len(origins)
         jobs = np.zeros((count, 8), np.float32)
         jobs[:, 0:3], jobs[:, 3], jobs[:, 4:7], jobs[:, 7] = origins, t_min, directions, t_max
-        return Traced.of(self.words(pipeline, jobs, (count,), mask, build))
+        return Traced.of(self.words(pipeline, jobs, (count,), mask, build, sides))
 
     def words(
         self,
@@ -154,6 +158,7 @@ class RayTraces:
         extent: Sequence[int],
         mask: int = 0xFF,
         build: int | None = None,
+        sides: int = 0,
     ) -> NDArray[np.uint32]:
         """Return the (N, 8) words that a trace over `extent` writes, from (N, 8) words of its input."""
         count = len(jobs)
@@ -163,7 +168,7 @@ class RayTraces:
         given.view(np.float32)[: jobs.size] = jobs.reshape(-1)
         found.mapped[:] = 0xAB
         sets = self.api.descriptors.create([(pipeline.sets[0], {0: given, 1: found}, "test")])
-        push = np.array([count, mask, 0, 0], np.uint32)
+        push = np.array([count, mask, sides, 0], np.uint32)
         try:
             with submit_once(self.device) as handle:
                 self.commands.begin(SimpleNamespace(commands=handle, index=build or 0))

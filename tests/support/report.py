@@ -31,7 +31,8 @@ ALLOWED_SKIPS = ROOT / "tests" / "allowed_skips.txt"
 LONG_RECORD = ROOT / "docs" / "records" / "long.json"
 TEST_BUDGET_S = 5.0
 AREA_BUDGET_S = 25.0
-"""For one test, and for the tests of one chapter in one variant. Tests marked `long` have none.
+"""For one test, and in one variant for a chapter's own tests. Those of lessons before it, which the newest chapter runs
+in all variants, may take as much again. Tests marked `long` have none.
 
 A test has a core of its own, beside which drivers' threads have what the other process leaves (sharing.py): they draw
 up to twice as slowly then, which is no work of the chapter's. So to a chapter counts the time that passed in a test or
@@ -78,10 +79,13 @@ class Outcome:
     """Whether it is a core test that takes turns (tests/support/snapshots.py)."""
     area: str = field(init=False)
     variant: str = field(init=False)
+    own: bool = field(init=False)
+    """Whether it is a test of the lesson that its area names, and not of one before."""
 
     def __post_init__(self) -> None:
-        later = LATER.search(self.nodeid)
-        self.area = later[1] if later else features.area_of(self.nodeid.partition("::")[0])
+        later, home = LATER.search(self.nodeid), features.area_of(self.nodeid.partition("::")[0])
+        self.area = later[1] if later else home
+        self.own = self.area == home
         found = re.search(r"\[(vulkan|without-all|gl|deferred)\b", self.nodeid)
         self.variant = found[1] if found else "-"
 
@@ -118,11 +122,12 @@ def over_budget(outcomes: list[Outcome], cold: bool = False, shared: bool = Fals
         for o in quick
         if o.seconds > a_test
     ]
-    for (area, variant), seconds in _totals(quick).items():
-        if re.fullmatch(r"ch\d\d", area) and seconds > a_chapter:
-            texts.append(
-                f"{area} ({variant}) took {seconds:.1f} s; a chapter may take {a_chapter:g} s a variant"
-            )
+    for own, whose in ((True, "its own tests"), (False, "tests of chapters before it")):
+        for (area, variant), seconds in _totals(it for it in quick if it.own == own and not it.turn).items():
+            if re.fullmatch(r"ch\d\d", area) and seconds > a_chapter:
+                texts.append(
+                    f"{area} ({variant}) took {seconds:.1f} s for {whose}; they may take {a_chapter:g} s a variant"
+                )
     for (area, variant), seconds in _totals(outcome for outcome in quick if outcome.turn).items():
         if seconds > a_core:
             texts.append(

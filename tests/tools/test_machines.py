@@ -23,10 +23,12 @@ REFUSED = {
         "6/cluster-list",
         "8/sparse-buffer",
         "9/shading-rates",
+        "12/callables",
+        "12/buffer-addresses",
     },
 }
 """Studies of what these drivers lack, which are refused in a sentence: bindless textures of OpenGL, and of Vulkan,
-mesh shaders, sparse memory, and shading rates."""
+mesh shaders, sparse memory, shading rates and ray tracing."""
 
 
 @pytest.fixture(scope="module")

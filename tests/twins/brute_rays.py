@@ -33,10 +33,13 @@ def nearest(
     t_max: float,
     triangles: Float64,
     ids: NDArray[np.int64],
+    backs: NDArray[np.bool_] | bool = True,
+    fronts: NDArray[np.bool_] | bool = True,
 ) -> Hits:
     """Return what rays (N, 3) hit of `triangles` (T, 3, 3) in world space.
 
-    `ids` (T, 3) are the instance, the number in its mesh, and whether it is mirrored.
+    `ids` (T, 3) are the instance, the number in its mesh, and whether it is mirrored. `backs` and `fronts` (T,) tell
+    which triangles are hit from that side.
 
     By Möller and Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection" (1997). A triangle is seen from its back
     where its corners run clockwise in object space, so a mirrored one where they run counter-clockwise in the world.
@@ -53,6 +56,7 @@ def nearest(
         t = np.einsum("ijk,jk->ij", q, second) / determinant
         inside = np.minimum(np.minimum(u, v), 1.0 - u - v)
         ahead = (t > t_min) & (t < t_max)
+        ahead &= np.where((determinant < 0.0) != (ids[:, 2] != 0), backs, fronts)
         reached = np.where((inside >= 0.0) & ahead, t, np.inf)
     near = reached.argmin(axis=1) if len(triangles) else np.zeros(len(origins), np.int64)
     rows = np.arange(len(origins))

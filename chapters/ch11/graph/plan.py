@@ -276,7 +276,8 @@ class FramePlan:
 
     @property
     def _beside(self) -> frozenset[str]:
-        return frozenset(self.file.passes.get(name, name) for name, on in self.switches.items() if on)
+        passes = self.file.passes  # made anew at each call
+        return frozenset(passes.get(name, name) for name, on in self.switches.items() if on)
 
     def watched(self, graph: Graph) -> list[Any]:
         """Return the passes that write an inspected image, in the order of the frame (see `Inspection`)."""

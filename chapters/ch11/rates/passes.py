@@ -35,8 +35,9 @@ def in_use(settings: Settings) -> bool:
 
 def by_blocks(settings: Settings) -> bool:
     """Whether fragments are lit in two passes, since the device has no shading rates of its own."""
-    passes = read_graph(graph_path(graph_name(settings))).passes.values()
-    return in_use(settings) and settings.rates.rate_fragments != "device" and "rate_spread" in passes
+    if not in_use(settings) or settings.rates.rate_fragments == "device":
+        return False
+    return "rate_spread" in read_graph(graph_path(graph_name(settings))).passes.values()
 
 
 def read(settings: Settings) -> tuple[Access, ...]:

@@ -78,7 +78,8 @@ def measure(subject: Subject, effort: Effort, step: Step) -> dict[str, Any] | No
         return None
     software, missing = is_software(subject), []
     count = (SLOW_RAYS if software else RAYS) if effort.everything else QUICK_RAYS
-    opened, driver = _parts(subject.backend)
+    backend = subject.device.capabilities.backend  # that of the subject may be "auto"
+    opened, driver = _parts(backend)
     gpu = opened(subject.device)
     if not gpu.ways:
         missing.append("pipeline and query, which this device does not have")
@@ -95,7 +96,9 @@ def measure(subject: Subject, effort: Effort, step: Step) -> dict[str, Any] | No
 
             size = SPHERE if effort.everything else QUICK_SPHERE
             within("geometry", 0.0)
-            geometry = scenes.sphere(*size) if name == REFIT_SCENE else scenes.geometry_of(subject.load(name))
+            geometry = (
+                scenes.sphere(*size) if name == REFIT_SCENE else scenes.geometry_of(subject.load(name), name)
+            )
             one = _Scene(gpu, driver, geometry, effort)
             try:
                 record["builds"] += one.builds(within)
@@ -108,7 +111,7 @@ def measure(subject: Subject, effort: Effort, step: Step) -> dict[str, Any] | No
         gpu.close()
     if not any(row["way"] == EMBREE for row in record["rows"]):
         missing.append("embree, since the package embreex is not installed (extra: reference)")
-    return {"software": software, "backend": subject.backend, "missing": missing, **record}
+    return {"software": software, "backend": backend, "missing": missing, **record}
 
 
 def _parts(backend: str) -> tuple[Any, Any]:
@@ -149,7 +152,7 @@ class _Scene:
         for number in range(rounds):
             step("builds", 0.3 * number / rounds)
             began = clock.perf_counter()
-            trees = [pack.mesh_tree(positions, indices) for indices, positions in geometry.meshes]
+            trees = pack.mesh_trees([(positions, indices) for indices, positions in geometry.meshes])
             self._buffers = pack.buffers(trees, geometry.matrices, geometry.mesh_of)
             ours.append(1e3 * (clock.perf_counter() - began))
             if self._gpu.ways:

@@ -64,8 +64,11 @@ class Geometry:
         return corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
 
 
-def geometry_of(scene: Scene) -> Geometry:
-    """Return the visible instances of a scene, and those of their triangles that a structure may have."""
+def geometry_of(scene: Scene, name: str) -> Geometry:
+    """Return the visible instances of a scene, and those of their triangles that a structure may have.
+
+    `name` is that by which the scene is asked for: "atrium:small", where the scene itself is called "atrium".
+    """
     shown = np.flatnonzero(scene.instances.visible)
     used, mesh_of = np.unique(scene.instances.mesh[shown], return_inverse=True)
     meshes = []
@@ -77,7 +80,7 @@ def geometry_of(scene: Scene) -> Geometry:
     matrices[:, :, 3] -= scene.origin
     view = view_of_scene(scene, pose, None, 16 / 9)
     moved = translation(-np.asarray(scene.origin)) @ view.world_from_view
-    return Geometry(scene.name, meshes, mesh_of, matrices, View(moved, view.projection))
+    return Geometry(name, meshes, mesh_of, matrices, View(moved, view.projection))
 
 
 def sphere(segments: int, rings: int) -> Geometry:

@@ -23,6 +23,6 @@ void run(uvec3 id) {
     }
     uint i = push.run.x + id.x;
     Job job = jobs[i];
-    Hit hit = trace(Ray(job.origin.xyz, job.origin.w, job.direction.xyz, job.direction.w), 0xFFu);
+    Hit hit = trace(Ray(job.origin.xyz, job.origin.w, job.direction.xyz, job.direction.w), 0xFFu, 0u);
     found[i] = Found(uvec4(hit.instance, hit.primitive, floatBitsToUint(hit.t), 0u), vec4(hit.at, 0.0, 0.0));
 }

@@ -32,12 +32,12 @@ void begin_ray(Ray ray) {
 
 Hit trace_path(Ray ray, uint mask) {
     begin_ray(ray);
-    return trace(ray, mask);
+    return trace(ray, mask, 0u);
 }
 
 bool path_occluded(Ray ray) {
     begin_ray(ray);
-    return occluded(ray, SOLID);
+    return occluded(ray, SOLID, 0u);
 }
 
 #include "paths/lens.glsl"

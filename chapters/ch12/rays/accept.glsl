@@ -1,8 +1,9 @@
 // Whether a ray stops at a surface that is not opaque. Every way of tracing asks this function.
 //
 // A masked surface is there where its alpha reaches the cutoff. A blended surface stops the share alpha of all rays: a
-// hash of pixel, instance and triangle decides, so the answer depends on neither the order of candidates nor the way. Rays
-// of the path tracer have a hash of their own each (paths/ray_seed.glsl).
+// hash of pixel, instance and triangle decides, so the answer depends on neither the order of candidates nor the way. Each
+// jitter of the projection has hashes of its own, which a history averages, and so has each ray of the path tracer
+// (paths/ray_seed.glsl).
 
 #ifdef NON_OPAQUE
 #include "rays/surface.glsl"
@@ -37,9 +38,9 @@ bool accept(Hit hit) {
 #ifdef PATHS
     uint seed = path_ray_seed();
 #else
-    const uint seed = 0u;
+    uint seed = scrambled(floatBitsToUint(frame.view_from_clip[3].x)) ^ floatBitsToUint(frame.view_from_clip[3].y);
 #endif
-    uint drawn = scrambled(scrambled((RAY_ID.x | RAY_ID.y << 16) ^ hit.instance ^ seed) ^ hit.primitive);
+    uint drawn = scrambled(scrambled(scrambled((RAY_ID.x | RAY_ID.y << 16) ^ seed) ^ hit.instance) ^ hit.primitive);
     return alpha > float(drawn >> 8) * (1.0 / 16777216.0);
 }
 #endif

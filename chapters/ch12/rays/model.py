@@ -37,6 +37,11 @@ def opaque_materials(scene: Scene) -> NDArray[np.bool_]:
     return np.array([material.alpha_mode == "opaque" for material in scene.materials], bool)
 
 
+def two_sided(scene: Scene) -> NDArray[np.bool_]:
+    """Return (M,) whether both sides of a material are seen; of the others rays may skip a side."""
+    return np.array([material.double_sided for material in scene.materials], bool)
+
+
 def masks(scene: Scene, hidden: bool = False) -> NDArray[np.uint32]:
     """Return (I,) the mask of each instance; with `hidden` those of hidden ones as if they were visible."""
     bits = [
@@ -58,8 +63,9 @@ def instance_table(
     for mesh, address in addresses.items():
         of_mesh[mesh] = address
     instances = scene.instances
-    opaque = opaque_materials(scene)[scene.meshes["material"][instances.mesh]]
-    flags = np.where(opaque, FORCE_OPAQUE, FORCE_NO_OPAQUE).astype(np.uint32) | CULL_DISABLE
+    of_material = np.where(opaque_materials(scene), FORCE_OPAQUE, FORCE_NO_OPAQUE)
+    of_material |= np.where(two_sided(scene), CULL_DISABLE, 0)
+    flags = of_material.astype(np.uint32)[scene.meshes["material"][instances.mesh]]
     of_instance = of_mesh[instances.mesh]
     table = np.zeros((len(instances), 4), np.uint32)
     table[:, 0] = of_instance & np.uint64(0xFFFFFFFF)

@@ -1,7 +1,7 @@
 """The passes of rays.
 
     ray_structures   instances and what deforms -> ray_world, or the buffers of our BVH
-    rays             these, color_hdr -> color_traced, over a part of the rasterised picture
+    rays             these, color_hdr, fog -> color_traced, over a part of the rasterised picture
 
 The picture is one text, whatever finds the hits: a raygen shader, a kernel with ray queries, or a kernel over our BVH.
 """
@@ -18,12 +18,15 @@ from common.errors import UserError
 from common.scene import Pose, Scene
 
 from ..cloth.passes import VERTICES
+from ..fog.passes import PIXELS, FogPass
 from ..frames.commands import Commands, SceneBinding
 from ..graph.execute.bindings import OWNED
 from ..graph.types import External, Touch
 from ..pipelines.compute_description import ComputeDescription
 from ..pipelines.description import Built, Described
+from ..scene.pages import PAGE_BYTES
 from ..scene.pass_parts import PassParts
+from ..scene.textures.arrays import ARRAYS
 from ..settings import Settings
 from . import picture
 from .groups import ray_description
@@ -133,7 +136,8 @@ class RayPicturePass(Pass):
         self._way = way
         stages = ("rgen",) if way == picture.PIPELINE else ()
         vertices = (Access(VERTICES, "storage", stages=stages),) * cloth
-        self.reads = (*structure_accesses(way, sizes, False), *vertices)
+        fog = (Access(PIXELS, "storage", stages=stages),) * FogPass.needed(self._scene, self._settings)
+        self.reads = (*structure_accesses(way, sizes, False), *vertices, *fog)
         format = self._settings.shading.color_format
         self.writes = (Access(TRACED, "storage", format=format, of="color_hdr", stages=stages),)
 
@@ -167,22 +171,31 @@ class RayPicturePass(Pass):
 
     def create(self) -> None:
         """Build the pipeline; again when a material became another kind."""
-        self.pipelines = self._pipelines.get([self.describe()])
+        described = self.describe()
+        self._bound()  # refuses a scene before its shader is compiled, which takes seconds
+        self.pipelines = self._pipelines.get([described])
 
     def _bound(self) -> tuple[int, int]:
         """Return the page of geometry and the set of textures of all surfaces.
 
-        Raises UserError if the scene has several: a ray may hit any surface.
+        Raises UserError if the scene has several: a ray may hit any surface. A page has room for about two million
+        triangles of usual meshes; 13 arrays are enough where images have few sizes.
         """
         used = np.unique(self._scene.instances.mesh)
         pages = np.unique(self._data.page_of[used]).tolist()
         sets = np.unique(self._data.textures_of[self._draws.used]).tolist() if self._textured else [0]
-        for what, count in (("pages of geometry", len(pages)), ("sets of textures", len(sets))):
-            if count > 1:
-                raise UserError(
-                    f"This scene has {count} {what} on this backend, and rays may hit any surface: "
-                    "set rays=off, or draw it with Vulkan and bindless textures."
-                )
+        if len(pages) > 1:
+            size = sum(page.size for page in self._data.pages)
+            raise UserError(
+                f"The geometry of this scene takes {_mib(size)} MiB in {len(pages)} pages of {_mib(PAGE_BYTES)} MiB at "
+                "most, and rays, which may hit any surface, read one: set rays=off, or draw fewer and coarser meshes."
+            )
+        if len(sets) > 1:
+            raise UserError(
+                f"The textures of this scene need {len(sets)} sets of {ARRAYS} arrays at most, each of one size, "
+                "format and sampler, and rays, which may hit any surface, read one set: set rays=off, give images "
+                "fewer sizes and samplers, or take Vulkan with bindless textures."
+            )
         return (pages or [0])[0], (sets or [0])[0]
 
     def record(self, commands: Commands) -> None:
@@ -203,3 +216,8 @@ class RayPicturePass(Pass):
     def key(self, slot: int) -> Any:
         """Return what the recording depends on: pages and textures, and the number of tiles."""
         return self._draws.revision, self.tiles
+
+
+def _mib(size: int) -> int:
+    """Return MiB, rounded up."""
+    return -(-size // 2**20)

@@ -1,5 +1,8 @@
 // A traced picture: a ray from the eye through each pixel, a ray from each hit towards each light, and from smooth
-// surfaces a ray in the mirrored direction. Light is that of the rasterised picture (shading/lighting.frag) otherwise.
+// surfaces a ray in the mirrored direction. Light is that of the rasterised picture (shading/lighting.frag) otherwise, and so
+// is fog: the eye looks through it to the first hit, and what that mirrors has none of its own.
+//
+// Rays from the eye and from mirrors skip the backs of single-sided surfaces, as a rasterised picture from their place does.
 //
 // This text is one function of the number of a pixel in its tile. It is a raygen shader, a kernel with ray queries, or a kernel that
 // traverses our own BVH.
@@ -17,6 +20,7 @@
 #ifdef ENVIRONMENT
 #include "ibl.glsl"
 #endif
+#include "fog/apply.glsl"
 #include "rays/tile.glsl"
 #include "rays/trace.glsl"
 
@@ -25,7 +29,8 @@ layout(BIND(3, TARGET_BINDING, 0), FORMAT) uniform writeonly image2D color_trace
 const float FAR = 3.402823e38;
 
 // The light of the scene's lights that a surface reflects towards `view`. A light behind another surface adds nothing; blended
-// and unlit surfaces cast no shadow (shadows/passes.py).
+// and unlit surfaces cast no shadow, and either side of others does (shadows/passes.py). With shadow_sides=front only the
+// side that sees the light does: a ray towards the light leaves the surface through its back.
 vec3 light_of_lights(Surface s, vec3 view, float alpha) {
     vec3 sum = vec3(0.0);
     for (uint i = 0u; i < light_count.x; ++i) {
@@ -40,8 +45,14 @@ vec3 light_of_lights(Surface s, vec3 view, float alpha) {
             continue;
         }
         vec3 origin = ray_origin(s.at, to_light);
-        float far = lights[i].kind == LIGHT_DIRECTIONAL ? FAR : dot(lights[i].position - origin, to_light);
-        if (occluded(Ray(origin, 0.0, to_light, far), CASTERS)) {
+        float far = FAR;
+        if (lights[i].kind != LIGHT_DIRECTIONAL) {
+            // Bulbs cast no shadow of their own lamp: the rays end at the near planes of the six faces of a shadow map.
+            vec3 along = abs(to_light);
+            float near = SHADOW_NEAR * frame.eye.w / max(along.x, max(along.y, along.z));
+            far = dot(lights[i].position - origin, to_light) - near;
+        }
+        if (far > 0.0 && occluded(Ray(origin, 0.0, to_light, far), CASTERS, CASTING_SIDES)) {
             continue;
         }
 #endif
@@ -83,17 +94,23 @@ vec3 light_without_mirror(Surface s, vec3 view, out vec3 mirrored) {
 // The light along a ray. A loop follows mirrored rays. It ends at the environment: behind everything, or around the
 // mirrored direction, blurred for the roughness of the surface (ibl.glsl). The lookup stands behind the loop, since a
 // software driver takes long to compile each one.
-vec3 light_along(Ray ray) {
+//
+// `reached` is the point up to which the eye looks through fog, the first hit; `far` says that there is none.
+vec3 light_along(Ray ray, out vec3 reached, out bool far) {
     vec3 color = vec3(0.0), share = vec3(1.0);
     float roughness = 0.0;
     bool nothing = false;
+    far = false;
+    reached = ray.origin;
     for (int bounce = 0;; ++bounce) {
-        Hit hit = trace(ray, 0xffu);
+        Hit hit = trace(ray, 0xffu, SKIP_BACKS);
         nothing = hit.instance == NO_HIT;
+        far = far || (nothing && bounce == 0);
         if (nothing) {
             break;
         }
         Surface s = surface_at(hit, ray.direction);
+        reached = bounce == 0 ? s.at.position : reached;
         vec3 view = -normalize(ray.direction), mirrored;
         color += share * light_without_mirror(s, view, mirrored);
         share *= mirrored;
@@ -122,7 +139,7 @@ vec3 light_along(Ray ray) {
 
 // What a view shows of the first hit, as colours between 0 and 1.
 vec3 shown_of(Ray ray) {
-    Hit hit = trace(ray, 0xffu);
+    Hit hit = trace(ray, 0xffu, SKIP_BACKS);
 #if RAY_VIEW == 4
     return heat(float(bvh_steps) * (1.0 / 128.0));
 #endif
@@ -148,7 +165,10 @@ void run(uvec3 id) {
     CameraRay seen = camera_ray(uv, frame.view_from_clip, frame.world_from_view, frame.orthographic != 0u);
     Ray ray = Ray(seen.origin, 0.0, seen.direction, FAR);
 #if RAY_VIEW == 0
-    vec3 color = light_along(ray);
+    vec3 reached;
+    bool far;
+    vec3 color = light_along(ray, reached, far);
+    color = far ? fog_behind(color, uv) : fog_over(color, reached, pixel);
 #else
     vec3 color = shown_of(ray);
 #endif

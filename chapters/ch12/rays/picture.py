@@ -91,6 +91,11 @@ def variant_of_all(variants: Sequence[Variant]) -> Variant:
     return Variant(kept, "opaque", False, roles)
 
 
+def casting_sides(settings: Any) -> str:
+    """Return the sides of single-sided surfaces that rays to a light skip: those that cast none in shadow maps."""
+    return "SKIP_FRONTS" if settings.shadows.shadow_sides == "front" else "0u"
+
+
 def surface_defines(scene: Scene, settings: Any, used: Sequence[int]) -> Defines:
     """Return what a picture by rays is built with, besides the variant of its materials and what is its own."""
     sky: Defines = (
@@ -114,6 +119,8 @@ def picture_defines(scene: Scene, settings: Any, used: Sequence[int]) -> Defines
     return (
         *surface_defines(scene, settings, used),
         *((("SHADOW_RAYS", 1), ("CASTERS", f"{SURFACES}u")) if knobs.ray_shadows else ()),
+        *((("CASTING_SIDES", casting_sides(settings)),) if knobs.ray_shadows else ()),
+        *((("SHADOW_NEAR", f"{settings.shadows.shadow_near:.9e}"),) if knobs.ray_shadows else ()),
         ("BOUNCES", int(knobs.ray_bounces)),
         ("MIRROR", float(knobs.ray_mirror)),
         ("RAY_VIEW", get_args(View).index(knobs.ray_view)),

@@ -12,16 +12,16 @@ const uint RAY_FLAGS = gl_RayFlagsNoneEXT;
 const uint RAY_FLAGS = gl_RayFlagsOpaqueEXT;
 #endif
 
-Hit trace(Ray ray, uint mask) {
-    traceRayEXT(ray_world, RAY_FLAGS, mask, 0u, 0u, 0u, ray.origin, ray.t_min, ray.direction, ray.t_max, 0);
+Hit trace(Ray ray, uint mask, uint sides) {
+    traceRayEXT(ray_world, RAY_FLAGS | sides, mask, 0u, 0u, 0u, ray.origin, ray.t_min, ray.direction, ray.t_max, 0);
     return ray_hit;
 }
 
-bool occluded(Ray ray, uint mask) {
+bool occluded(Ray ray, uint mask, uint sides) {
     // The miss shader alone writes: any hit ends the ray, and no shader runs for it.
     ray_blocked = 1u;
     traceRayEXT(
-        ray_world, RAY_FLAGS | gl_RayFlagsTerminateOnFirstHitEXT | gl_RayFlagsSkipClosestHitShaderEXT, mask, 0u, 0u,
-        1u, ray.origin, ray.t_min, ray.direction, ray.t_max, 1);
+        ray_world, RAY_FLAGS | sides | gl_RayFlagsTerminateOnFirstHitEXT | gl_RayFlagsSkipClosestHitShaderEXT, mask,
+        0u, 0u, 1u, ray.origin, ray.t_min, ray.direction, ray.t_max, 1);
     return ray_blocked != 0u;
 }

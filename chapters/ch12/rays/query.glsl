@@ -27,9 +27,10 @@ const uint RAY_FLAGS = gl_RayFlagsOpaqueEXT;
 #define PROCEED(query) while (rayQueryProceedEXT(query)) {}
 #endif
 
-Hit trace(Ray ray, uint mask) {
+Hit trace(Ray ray, uint mask, uint sides) {
     rayQueryEXT query;
-    rayQueryInitializeEXT(query, ray_world, RAY_FLAGS, mask, ray.origin, ray.t_min, ray.direction, ray.t_max);
+    rayQueryInitializeEXT(
+        query, ray_world, RAY_FLAGS | sides, mask, ray.origin, ray.t_min, ray.direction, ray.t_max);
     PROCEED(query)
     if (rayQueryGetIntersectionTypeEXT(query, true) == gl_RayQueryCommittedIntersectionNoneEXT) {
         return Hit(ray.t_max, NO_HIT, NO_HIT, vec2(0.0), 0u);
@@ -37,11 +38,11 @@ Hit trace(Ray ray, uint mask) {
     return HIT_OF(query, true);
 }
 
-bool occluded(Ray ray, uint mask) {
+bool occluded(Ray ray, uint mask, uint sides) {
     rayQueryEXT query;
     rayQueryInitializeEXT(
-        query, ray_world, RAY_FLAGS | gl_RayFlagsTerminateOnFirstHitEXT, mask, ray.origin, ray.t_min, ray.direction,
-        ray.t_max);
+        query, ray_world, RAY_FLAGS | sides | gl_RayFlagsTerminateOnFirstHitEXT, mask, ray.origin, ray.t_min,
+        ray.direction, ray.t_max);
     PROCEED(query)
     return rayQueryGetIntersectionTypeEXT(query, true) != gl_RayQueryCommittedIntersectionNoneEXT;
 }

@@ -16,4 +16,7 @@ struct Hit {
 };
 
 const uint NO_HIT = 0xFFFFFFFFu;
+// Which sides of surfaces a ray passes through, if the surface has one side: those of single-sided materials. The bits are those
+// of gl_RayFlagsCullBackFacingTrianglesEXT and gl_RayFlagsCullFrontFacingTrianglesEXT.
+const uint SKIP_BACKS = 16u, SKIP_FRONTS = 32u;
 const uint HIT_BACK = 1u;  // the corners run clockwise as the ray sees them in object space: mirrors change no side

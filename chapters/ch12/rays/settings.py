@@ -50,3 +50,12 @@ class RaySettings:
         maximum=1,
     )
     ray_bounces: int = knob(2, "mirrored rays that follow one another at most", minimum=0, maximum=8)
+    ray_rebuild: float = knob(
+        2.0,
+        "how many times as much as at its build a refitted structure may cost before the GPU builds it anew: 1 or "
+        "more; 0 = it is never built anew",
+        minimum=0,
+    )
+    ray_rebuild_budget: int = knob(
+        1 << 17, "triangles and instances that a frame builds anew at most", minimum=0
+    )

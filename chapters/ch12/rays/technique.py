@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from backends.contract import FrameInfo, Pass, Technique
 from common.scene import Scene
@@ -15,6 +16,14 @@ from ..settings import Settings
 from . import picture
 from .passes import RayPicturePass, Structures, StructuresPass
 from .tiles import TileCount
+
+
+def read_by_pipelines(fog: Pass) -> None:
+    """Declare that shaders of a ray pipeline read what a pass of fog writes, until the next frame writes it again."""
+    fog.externals = {
+        name: replace(it, enters=replace(it.enters, stages=it.enters.stages | {"rays"}))
+        for name, it in fog.externals.items()
+    }
 
 
 class RayTechnique(Technique):
@@ -46,6 +55,8 @@ class RayTechnique(Technique):
         for gpu_pass in (build, trace):
             gpu_pass.structures = structures
             gpu_pass.follow(way, structures.sizes, cloth)
+        if way == picture.PIPELINE:
+            read_by_pipelines(passes["fog_integrate"])
 
     def prepare(self, frame: FrameInfo) -> int:
         """Let the structures follow what has moved; return the bytes written."""

@@ -1,5 +1,5 @@
-// Hit trace(Ray, mask) and bool occluded(Ray, mask), by the way that the defines choose: a ray pipeline, ray queries, or our
-// own hierarchy.
+// Hit trace(Ray, mask, sides) and bool occluded(Ray, mask, sides), by the way that the defines choose: a ray pipeline, ray
+// queries, or our own hierarchy. `sides` are SKIP_BACKS, SKIP_FRONTS, or 0 for both sides of all surfaces.
 
 #include "rays/ray.glsl"
 #ifdef RAYS_PIPELINE

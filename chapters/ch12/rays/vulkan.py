@@ -6,9 +6,10 @@
     structures.record(commands, slot)              # in the pass before those that trace; `key` says when anew
     structures.bind(commands, pipeline)            # after `bind_compute` of a pipeline that traces
 
-Meshes that deform are refitted to the vertices of the slot when those change; the upper level is built anew when an
-instance has moved, was shown or hidden. Otherwise nothing is recorded. A mesh whose triangles get another order (see
-`SceneData.reordered`) is built anew with all others.
+Meshes that deform are refitted to the vertices of the slot when those change, and built anew where a report says that
+their shape is another one (vulkan_quality.py); the upper level is built anew when an instance has moved, was shown or
+hidden. Otherwise nothing is recorded. A mesh whose triangles get another order (see `SceneData.reordered`) is built
+anew with all others.
 """
 
 from __future__ import annotations
@@ -38,9 +39,11 @@ from ..scene.pass_parts import PassParts
 from ..visibility.vulkan import Bindings
 from .bvh.morton import order as morton_order
 from .model import check_count, instance_table, order_words
+from .settings import RaySettings
 from .triangles import build_order, mesh_triangles
 from .vulkan_build import DEFAULT, INPUT, Bottoms, Budget, StructureLimits
 from .vulkan_geometry import MeshGeometry
+from .vulkan_quality import Shape, figure_of, shape_reports
 from .vulkan_top import TopLevel, Waits
 
 RECORDS = ComputeDescription("rays/vulkan_records.comp", name="ray records")
@@ -56,7 +59,16 @@ _STORAGE = vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | vk.VK_BUFFER_USAGE_TRANSFER_D
 class RayStructures:
     """The structures of a scene, from opening to closing. `work` has the counters of the last frame."""
 
-    def __init__(self, backend: VulkanBackend, scene: Scene, budget: Budget = DEFAULT) -> None:
+    def __init__(
+        self,
+        backend: VulkanBackend,
+        scene: Scene,
+        budget: Budget = DEFAULT,
+        settings: RaySettings | None = None,
+    ) -> None:
+        """Build all. The settings say when a structure that is refitted is built anew: without them never."""
+        self._backend, self._settings = backend, settings
+        self._reports: Any = None
         self._device, self._data = backend.device, backend.data
         self._resources, self._descriptors = backend.resources, backend.descriptors
         self._surfaces = Bindings(backend)
@@ -69,6 +81,7 @@ class RayStructures:
         self.revision = 0
         """Counts how often all was made anew."""
         self.builds_top = self.refits = False
+        self.rebuilds: tuple[int, ...] = ()
         """What the frame builds, from `prepare` on."""
         self._sets: Sets | None = None
         self._traced: tuple[Sequence[Built], int] = ((), 0)
@@ -90,6 +103,7 @@ class RayStructures:
         used = np.unique(scene.instances.mesh).tolist()
         orders: dict[int, NDArray[np.uint32]] = {}
         lists: list[NDArray[np.uint32]] = []
+        figures: dict[int, float] = {}
         for mesh in used:
             indices, positions = mesh_triangles(scene, mesh)
             kept = build_order(indices, positions, mesh in self._deforming)
@@ -101,13 +115,15 @@ class RayStructures:
             if len(kept):
                 orders[mesh] = kept
                 lists.append(np.ascontiguousarray(indices[kept]))
+                if mesh in self._deforming:
+                    figures[mesh] = figure_of(positions[indices[kept]])
         self._offset = {mesh: (int(page_of[mesh]), 4 * int(records["streams"][mesh, 0])) for mesh in orders}
         self._orders = self._filled(order_words(scene, orders), _STORAGE, "order of triangles")
         sizes = [array.nbytes for array in lists]
         every = np.concatenate(lists) if lists else np.zeros(1, np.uint32)
-        copied = vk.VK_BUFFER_USAGE_TRANSFER_DST_BIT
-        self._indices = self._filled(every, INPUT | copied, "indices of structures")
-        begins = buffer_address(self._device, self._indices) + np.cumsum([0, *sizes])
+        self._indices = self._filled(every, INPUT | _STORAGE, "indices of structures")
+        offsets = np.cumsum([0, *sizes])
+        begins = buffer_address(self._device, self._indices) + offsets
         geometries = [
             MeshGeometry(
                 self._vertices(mesh, 0),
@@ -119,8 +135,16 @@ class RayStructures:
             )
             for (mesh, kept), begin in zip(orders.items(), begins, strict=False)
         ]
-        self._bottoms = Bottoms(self._device, geometries, self._budget)
-        self._moving = [mesh for mesh in orders if mesh in self._deforming]
+        rebuilds = self._settings is not None and self._settings.ray_rebuild > 0
+        self._bottoms = Bottoms(self._device, geometries, self._budget, rebuilds)
+        self._moving = list(figures)
+        shapes = [
+            Shape(int(offset) // 4, len(kept), page, first // 4, figures[mesh])
+            for (mesh, kept), offset in zip(orders.items(), offsets, strict=False)
+            if mesh in figures
+            for page, first in (self._offset[mesh],)
+        ]
+        self._reports = shape_reports(self._backend, shapes, self._indices, self._settings)
         self._addresses = {mesh: it.address for mesh, it in zip(orders, self._bottoms.all, strict=True)}
         self._top = TopLevel(self._device, len(scene.instances))
         self._make_kernel_sets()
@@ -208,6 +232,10 @@ class RayStructures:
         changed = key != self._seen
         posed = self._seen is None or moving != self._seen[0]
         self.refits = bool(self._moving) and (deformed or posed)
+        self.rebuilds = self._reports.follow(slot) if self._reports else ()
+        self.refits |= bool(self.rebuilds)
+        if self.refits and self._reports:
+            self._reports.ask(slot)
         self._sorted_ago += changed
         if self._sorted_ago > SORT_EVERY:
             self._order = morton_order(data.records.instances["bounds_centre"][:, :3])
@@ -223,13 +251,15 @@ class RayStructures:
             self._written[slot] = self._table
         self.work = self._counts | {
             "ray_refits": len(self._moving) * self.refits,
+            "ray_rebuilds": len(self.rebuilds),
+            "ray_quality_percent": self._reports.percent if self._reports else 100,
             "ray_top_builds": int(self.builds_top),
         }
         return written
 
     def key(self) -> Any:
         """Return what the recording of `record` depends on."""
-        return self.revision, self.builds_top, self.refits
+        return self.revision, self.builds_top, self.refits, self.rebuilds
 
     def record(self, commands: Commands, slot: int) -> None:
         """Record the refits and the build of the upper level that the frame needs, and the barriers around them."""
@@ -238,7 +268,7 @@ class RayStructures:
         commands.barrier(self._waits.before)
         if self.refits:
             addresses = [self._vertices(mesh, slot) for mesh in self._moving]
-            self._bottoms.record_refits(commands.handle, addresses)
+            self._bottoms.record_refits(commands.handle, addresses, self.rebuilds)
         if self._top.count:
             commands.bind_compute(self._kernel)
             commands.bind_compute_set(self._kernel, 0, self._kernel_sets[slot])
@@ -247,6 +277,8 @@ class RayStructures:
         commands.barrier(self._waits.between)
         self._top.record(commands.handle)
         commands.barrier(self._waits.after)
+        if self.refits and self._reports:
+            self._reports.record(commands, slot)
 
     # --- life ---
 
@@ -259,12 +291,14 @@ class RayStructures:
 
     def _taken(self) -> Any:
         """Return a function that frees what `_make` made."""
-        bottoms, top, sets = self._bottoms, self._top, self._sets
+        bottoms, top, sets, reports = self._bottoms, self._top, self._sets, self._reports
         buffers = (self._orders, self._indices)
 
         def free() -> None:
             if sets is not None:
                 self._descriptors.destroy(sets)
+            if reports is not None:
+                reports.close()
             top.close()
             bottoms.close()
             for buffer in buffers:
@@ -296,4 +330,4 @@ class RayStructures:
 
 def open_structures(backend: VulkanBackend, parts: PassParts) -> RayStructures:
     """Return the structures of the scene that is drawn."""
-    return RayStructures(backend, parts.scene)
+    return RayStructures(backend, parts.scene, settings=parts.settings.rays)

@@ -12,7 +12,7 @@ place, with scratch memory of its own that it keeps.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -206,8 +206,15 @@ class Bottom:
 class Bottoms:
     """The structures of meshes, built when this object is created. `counts` has counters for `frame.work`."""
 
-    def __init__(self, device: Device, geometries: Sequence[Geometry], budget: Budget = DEFAULT) -> None:
-        self._device = device
+    def __init__(
+        self,
+        device: Device,
+        geometries: Sequence[Geometry],
+        budget: Budget = DEFAULT,
+        rebuilds: bool = False,
+    ) -> None:
+        """Build all; with `rebuilds` the scratch memory of refits is enough to build anew."""
+        self._device, self._rebuilds = device, rebuilds
         self._buffers: list[Buffer] = []
         self.all: list[Bottom] = []
         self.calls = 0
@@ -250,6 +257,8 @@ class Bottoms:
         try:
             for info, it, size, address in zip(infos, built, sizes, scratch.addresses, strict=True):
                 info.dstAccelerationStructure, it.update = it.handle, size.update
+                if self._rebuilds:
+                    it.update = max(size.update, size.scratch)
                 info.scratchData.deviceAddress = address
             with self._sizes_query(len(built)) as query:
                 with submit_once(device) as commands:
@@ -335,15 +344,20 @@ class Bottoms:
 
     # --- refits ---
 
-    def record_refits(self, commands: Any, vertices: Sequence[int]) -> None:
-        """Record one call that fits the moving structures to their vertices at these addresses, in their order."""
+    def record_refits(self, commands: Any, vertices: Sequence[int], anew: Collection[int] = ()) -> None:
+        """Record one call that fits the moving structures to their vertices at these addresses, in their order.
+
+        Those at the places `anew` are built anew.
+        """
         if self._scratch is None:
             return
         infos = []
-        for it, address, scratch in zip(self.moving, vertices, self._scratch.addresses, strict=True):
+        every = zip(self.moving, vertices, self._scratch.addresses, strict=True)
+        for place, (it, address, scratch) in enumerate(every):
             info = build_info(_BOTTOM, it.geometry.flags, it.geometry.info(address))
-            info.mode = _AGAIN
-            info.srcAccelerationStructure = info.dstAccelerationStructure = it.handle
+            info.dstAccelerationStructure = it.handle
+            if place not in anew:
+                info.mode, info.srcAccelerationStructure = _AGAIN, it.handle
             info.scratchData.deviceAddress = scratch
             infos.append(info)
         record_builds(self._device, commands, infos, [it.geometry.count for it in self.moving])

@@ -34,6 +34,12 @@ void main() {
     }
     uvec4 entry = table[i];
     mat3x4 world_from_object = instance_of(entry.z).world_from_object;
+    vec4 sizes = abs(world_from_object[0]) + abs(world_from_object[1]) + abs(world_from_object[2]);
+    if (any(isnan(sizes)) || any(greaterThan(sizes, vec4(1e18)))) {
+        // The box of such an instance would spoil those of others: it stands at the origin, and no ray asks for it.
+        world_from_object = mat3x4(1.0);
+        entry.w &= ~255u;
+    }
     records[i].rows[0] = world_from_object[0];
     records[i].rows[1] = world_from_object[1];
     records[i].rows[2] = world_from_object[2];

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .model import COUNT_SHIFT, DEPTH_UPPER, LEAF, LEAF_LARGEST, NO_CHILD
 
@@ -53,6 +53,11 @@ def _area(low: Floats, high: Floats) -> Doubles:
     return area
 
 
+def _inside_out(count: int) -> tuple[Floats, Floats]:
+    """Return the corners (3, count) of boxes around nothing."""
+    return np.full((3, count), np.inf, np.float32), np.full((3, count), -np.inf, np.float32)
+
+
 def _sweep(low: Floats, high: Floats, count: Integers) -> Doubles:
     """Return (B - 1, K) costs of splits behind each bin, from boxes (3, B, K) and counts (B, K) of bins."""
     bins = len(count)
@@ -79,52 +84,55 @@ def build(low: Floats, high: Floats, largest: int = LEAF_LARGEST, bins: int = BI
     Where all centres of a node are in one bin of every axis, and where the level leaves no room for uneven splits below
     DEPTH_UPPER, a node is split in the middle of its list. The result depends on nothing but the boxes.
     """
-    total = len(low)
+    return build_all(low, high, [len(low)], largest, bins)[0]
+
+
+def build_all(
+    low: Floats, high: Floats, counts: ArrayLike, largest: int = LEAF_LARGEST, bins: int = BINS
+) -> list[Tree]:
+    """Return the trees over the first counts[0] of (N, 3) boxes, over the next counts[1], and so on.
+
+    Each is the tree that `build` makes of its boxes alone. A level has the nodes of all trees, those of a tree side by
+    side: all trees together take as many array operations as the deepest of them.
+    """
+    sizes = np.asarray(counts, np.int64)
+    begins = np.cumsum(sizes) - sizes
     boxes = np.concatenate([low.T, high.T]).astype(np.float32)  # (6, N)
     centres = boxes[:3] * np.float32(0.5) + boxes[3:] * np.float32(0.5)
-    order = np.arange(total)
-    leaves_first: list[Integers] = []
-    leaves_count: list[Integers] = []
-    children: list[Integers] = []
-    child_low: list[Floats] = []
-    child_high: list[Floats] = []
-    levels, leaf_total = [0], 0
-    if 0 < total <= largest:
-        empty = np.full((1, 3), np.inf, np.float32)
-        own = boxes.reshape(2, 3, total)
-        return Tree(
-            order,
-            np.array([[~0, ~1]]),
-            np.stack([own[0].min(axis=1)[None], empty], axis=1),
-            np.stack([own[1].max(axis=1)[None], -empty], axis=1),
-            np.array([0, 0]),
-            np.array([total, 0]),
-            [0, 1],
-        )
-    # Of each node of this level: where its range of the order begins, and how many primitives it has.
-    first, count = np.array([0])[: min(total, 1)], np.array([total])[: min(total, 1)]
-    prims = order
-    while len(first):
-        nodes = len(first)
+    prims = np.arange(len(low))
+    order = prims.copy()
+    # Of each node of this level: its tree, where its range of the order begins, and how many primitives it has.
+    tree = np.flatnonzero(sizes)
+    first, count = begins[tree], sizes[tree]
+    # Of each tree: how many inner nodes and leaves have got their numbers.
+    inner, leaf = np.bincount(tree, minlength=len(sizes)), np.zeros(len(sizes), np.int64)
+    levels = [np.zeros_like(inner)]
+    none = np.zeros(0, np.int64)
+    leaves, nodes = [(none, none, none)], [(none, none.reshape(0, 2), *np.zeros((2, 0, 2, 3), np.float32))]
+    while len(tree):
         begin = np.cumsum(count) - count  # in the arrays of this level
-        side = _sides(boxes, centres, begin, count, bins, largest, len(levels))
+        side = _sides(boxes, centres, tree, begin, count, bins, largest, len(levels))
+        side &= np.repeat(count > largest, count)  # a root with primitives for one leaf has no other
         left, source = _partition(side, begin)
         prims, boxes, centres = prims[source], _rows(boxes, source), _rows(centres, source)
 
+        owner = np.repeat(tree, 2)
         both = np.stack([left, count - left], axis=1).reshape(-1)
-        starts = np.cumsum(both) - both
-        child_low.append(np.minimum.reduceat(boxes[:3], starts, axis=1).T.reshape(nodes, 2, 3))
-        child_high.append(np.maximum.reduceat(boxes[3:], starts, axis=1).T.reshape(nodes, 2, 3))
         firsts = np.stack([first, first + left], axis=1).reshape(-1)
+        starts = np.cumsum(both) - both
+        some = both > 0
+        child_low, child_high = _inside_out(len(both))
+        child_low[:, some] = np.minimum.reduceat(boxes[:3], starts[some], axis=1)
+        child_high[:, some] = np.maximum.reduceat(boxes[3:], starts[some], axis=1)
         is_leaf = both <= largest
-        codes = np.empty(2 * nodes, np.int64)
-        codes[is_leaf] = ~(leaf_total + np.arange(is_leaf.sum()))
-        levels.append(levels[-1] + nodes)
-        codes[~is_leaf] = levels[-1] + np.arange((~is_leaf).sum())
-        children.append(codes.reshape(nodes, 2))
-        leaf_total += int(is_leaf.sum())
-        leaves_first.append(firsts[is_leaf])
-        leaves_count.append(both[is_leaf])
+        codes = np.empty(len(both), np.int64)
+        levels.append(inner.copy())
+        codes[is_leaf] = ~_number(owner[is_leaf], leaf)
+        codes[~is_leaf] = _number(owner[~is_leaf], inner)
+        nodes.append(
+            (tree, codes.reshape(-1, 2), *(it.T.reshape(-1, 2, 3) for it in (child_low, child_high)))
+        )
+        leaves.append((owner[is_leaf], firsts[is_leaf], both[is_leaf]))
 
         if is_leaf.any():
             done = np.repeat(is_leaf, both)
@@ -132,20 +140,33 @@ def build(low: Floats, high: Floats, largest: int = LEAF_LARGEST, bins: int = BI
             order[target[done]] = prims[done]
             rest = np.flatnonzero(~done)
             prims, boxes, centres = prims[rest], _rows(boxes, rest), _rows(centres, rest)
-        first, count = firsts[~is_leaf], both[~is_leaf]
-    if not children:
-        none = np.zeros(0, np.int64)
-        boxless = np.zeros((0, 2, 3), np.float32)
-        return Tree(order, none.reshape(0, 2), boxless, boxless, none, none, [0])
-    return Tree(
-        order,
-        np.concatenate(children),
-        np.concatenate(child_low),
-        np.concatenate(child_high),
-        np.concatenate(leaves_first),
-        np.concatenate(leaves_count),
-        levels,
+        tree, first, count = owner[~is_leaf], firsts[~is_leaf], both[~is_leaf]
+    # Nodes and leaves stand by levels; sorted by trees, which keeps levels in order, they are cut apart.
+    node_tree, *boxed = (np.concatenate(parts) for parts in zip(*nodes, strict=True))
+    leaf_tree, leaf_first, leaf_count = (np.concatenate(parts) for parts in zip(*leaves, strict=True))
+    by_node, by_leaf = (np.argsort(it, kind="stable") for it in (node_tree, leaf_tree))
+    columns = (
+        cut(order - np.repeat(begins, sizes), sizes),
+        *(cut(part[by_node], inner) for part in boxed),
+        cut((leaf_first - begins[leaf_tree])[by_leaf], leaf),
+        cut(leaf_count[by_leaf], leaf),
+        [np.unique(level).tolist() for level in np.stack(levels, axis=1)],
     )
+    return [Tree(*parts) for parts in zip(*columns, strict=True)]
+
+
+def cut(rows: np.ndarray, sizes: ArrayLike) -> list[np.ndarray]:
+    """Return the first sizes[0] rows, the next sizes[1], and so on."""
+    ends = np.cumsum(sizes).tolist()
+    return [rows[end - size : end] for size, end in zip(np.asarray(sizes).tolist(), ends, strict=True)]
+
+
+def _number(owner: Integers, totals: Integers) -> Integers:
+    """Return numbers within each tree of nodes of trees `owner`, sorted, from `totals` on, to which they are added."""
+    sizes = np.bincount(owner, minlength=len(totals))
+    numbers: Integers = np.arange(len(owner)) + (totals - np.cumsum(sizes) + sizes)[owner]
+    totals += sizes
+    return numbers
 
 
 def _rows(array: Floats, which: Integers) -> Floats:
@@ -168,47 +189,53 @@ def _partition(side: NDArray[np.bool_], begin: Integers) -> tuple[Integers, Inte
 
 
 def _sides(
-    boxes: Floats, centres: Floats, begin: Integers, count: Integers, bins: int, largest: int, level: int
+    boxes: Floats,
+    centres: Floats,
+    tree: Integers,
+    begin: Integers,
+    count: Integers,
+    bins: int,
+    largest: int,
+    level: int,
 ) -> NDArray[np.bool_]:
-    """Return which primitives (P,) of a level go to the right child of their node."""
+    """Return which primitives (P,) of a level go to the right child of their node; `tree` (K,) is that of each node."""
     nodes, total = len(count), len(centres[0])
-    # Few primitives need few bins: at the last levels there are more nodes than this leaves primitives to each.
-    bins = bins if total > 4 * bins * nodes else max(bins // 2, 4)
+    # Few primitives need few bins: at the last levels a tree has more nodes than this leaves primitives to each.
+    many = np.bincount(tree, count) > 4 * bins * np.bincount(tree)
+    own_bins = np.where(many, bins, max(bins // 2, 4))[tree]
+    bins = own_bins.max()
     lows = np.minimum.reduceat(centres, begin, axis=1)
     sizes = np.maximum.reduceat(centres, begin, axis=1) - lows
     with np.errstate(divide="ignore", over="ignore"):
-        scales = np.where(sizes > 0, np.float32(bins * 0.999999) / sizes, np.float32(0.0)).astype(np.float32)
+        scales = np.where(sizes > 0, (own_bins * 0.999999).astype(np.float32) / sizes, np.float32(0.0))
     scales[~np.isfinite(scales)] = 0.0
     node = np.repeat(np.arange(nodes), count)
-    best = np.full(nodes, np.inf)
-    axis_of, bin_of = np.zeros(nodes, np.int64), np.zeros(nodes, np.int64)
+    row = len(AXES) * nodes  # a bin of all axes and nodes
+    counts = np.zeros(bins * row, np.int64)
+    low, high = _inside_out(bins * row)
     keys = []
     for axis in AXES:
         key = centres[axis] - np.repeat(lows[axis], count)
         key *= np.repeat(scales[axis], count)
         key = key.astype(np.int64)
-        key *= nodes
+        key *= row
         key += node
+        key += axis * nodes
         keys.append(key)
-        counts = np.bincount(key, minlength=bins * nodes).reshape(bins, nodes)
-        low = np.full((3, bins * nodes), np.inf, np.float32)
-        high = np.full((3, bins * nodes), -np.inf, np.float32)
+        counts += np.bincount(key, minlength=bins * row)
         for part in range(3):
             np.minimum.at(low[part], key, boxes[part])
             np.maximum.at(high[part], key, boxes[3 + part])
-        cost = _sweep(low.reshape(3, bins, nodes), high.reshape(3, bins, nodes), counts)
-        at = cost.argmin(axis=0)
-        least = cost[at, np.arange(nodes)]
-        better = least < best
-        best[better], axis_of[better], bin_of[better] = least[better], axis, at[better]
+    cost = _sweep(low.reshape(3, bins, row), high.reshape(3, bins, row), counts.reshape(bins, row))
+    cost = cost.reshape(bins - 1, len(AXES), nodes).swapaxes(0, 1).reshape(-1, nodes)
+    axis_of, bin_of = np.divmod(cost.argmin(axis=0), bins - 1)
     side = np.zeros(total, bool)
     for axis, key in enumerate(keys):
         # Keys of later bins are larger than all of this bin.
-        last = np.where(axis_of == axis, (bin_of + 1) * nodes, bins * nodes)
-        side |= key >= np.repeat(last, count)
+        side |= key >= np.repeat(np.where(axis_of == axis, bin_of + 1, bins) * row, count)
     # Halves reach leaves after this many levels; a node that has no more than those left must not be split unevenly.
     halvings = np.ceil(np.log2(np.maximum(count, largest) / largest))
-    middle = np.isinf(best) | (halvings >= DEPTH_UPPER - level)
+    middle = np.isinf(cost.min(axis=0)) | (halvings >= DEPTH_UPPER - level)
     if middle.any():
         _split_in_the_middle(side, centres, begin, count, np.flatnonzero(middle))
     return side

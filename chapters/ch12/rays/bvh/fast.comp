@@ -8,12 +8,15 @@
 //
 // CODES: pairs of code and primitive. ORDER: primitives in sorted order into the records; refit.comp then fetches their
 // corners. BOXES: those of triangles. HALVES: one level of the tree of halves. NODES: the hierarchy.
+//
+// UPPER: the upper level, whose primitives are the records of instances. Those stay in their places, and leaves of one name
+// them. instances.comp has written the box of each where the slot says; NODES says where it is written from now on.
 
 layout(local_size_x = 64) in;
 
 struct Push {
     uvec4 mesh;  // x: its node 0, y: first triangle, z: triangles, w: bits of codes that decide
-    uvec4 step;  // x: first box of the level of the tree of halves, which has as many; y: boxes of its lowest level
+    uvec4 step;  // x: first box of the level of the tree of halves, which has as many; y: boxes of its lowest; z: first pair
 };
 PUSH(Push, push)
 
@@ -25,7 +28,13 @@ PUSH(Push, push)
 layout(BIND(0, 3, 3), std430) buffer Pairs_ { uvec2 pairs[]; };
 layout(BIND(0, 4, 4), std430) buffer Halves_ { vec4 halves[]; };  // low and high of box 1, 2, ...; those below k: 2 k, 2 k + 1
 
-const uint LEAF_LARGEST = 4u, CODE_BITS = 30u;
+const uint CODE_BITS = 30u;
+#ifdef UPPER
+const uint LEAF_LARGEST = 1u;
+layout(BIND(0, 5, 5), std430) buffer Slots_ { uvec4 slots[]; };  // bvh/model.py, SLOT
+#else
+const uint LEAF_LARGEST = 4u;
+#endif
 
 #ifdef CODES
 // The bits of x below 2^10 with two zeros behind each.
@@ -41,15 +50,24 @@ void main() {
     if (i >= push.mesh.z) {
         return;
     }
-    uint at = 3u * (push.mesh.y + i), root = 4u * push.mesh.x;
-    vec4 a = bvh_triangles[at], b = bvh_triangles[at + 1u], c = bvh_triangles[at + 2u];
+    uint root = 4u * push.mesh.x;
     vec3 low = min(bvh_nodes[root].xyz, bvh_nodes[root + 2u].xyz);
     vec3 high = max(bvh_nodes[root + 1u].xyz, bvh_nodes[root + 3u].xyz);
-    precise vec3 centre = (min(a.xyz, min(b.xyz, c.xyz)) * 0.5 + max(a.xyz, max(b.xyz, c.xyz)) * 0.5 - low) / max(high - low, 1e-30);
-    uvec3 cell = uvec3(clamp(centre * 1024.0, 0.0, 1023.0));
+#ifdef UPPER
+    uint at = 2u * slots[i].y, primitive = i;
+    vec3 first = bvh_nodes[at].xyz, last = bvh_nodes[at + 1u].xyz;
+    bool usable = all(lessThanEqual(first, last));
+#else
+    uint at = 3u * (push.mesh.y + i);
+    vec4 a = bvh_triangles[at], b = bvh_triangles[at + 1u], c = bvh_triangles[at + 2u];
+    vec3 first = min(a.xyz, min(b.xyz, c.xyz)), last = max(a.xyz, max(b.xyz, c.xyz));
     bool usable = (floatBitsToUint(b.w) & BVH_UNUSABLE) == 0u;
+    uint primitive = floatBitsToUint(a.w);
+#endif
+    precise vec3 centre = (first * 0.5 + last * 0.5 - low) / max(high - low, 1e-30);
+    uvec3 cell = uvec3(clamp(usable ? centre * 1024.0 : vec3(0.0), 0.0, 1023.0));
     uint code = spread(cell.x) << 2u | spread(cell.y) << 1u | spread(cell.z);
-    pairs[i] = uvec2(usable ? code : (1u << CODE_BITS) - 1u, floatBitsToUint(a.w));
+    pairs[push.step.z + i] = uvec2(usable ? code : (1u << CODE_BITS) - 1u, primitive);
 }
 #endif
 
@@ -57,7 +75,7 @@ void main() {
 void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i < push.mesh.z) {
-        bvh_triangles[3u * (push.mesh.y + i)].w = uintBitsToFloat(pairs[i].y);
+        bvh_triangles[3u * (push.mesh.y + i)].w = uintBitsToFloat(pairs[push.step.z + i].y);
     }
 }
 #endif
@@ -70,6 +88,11 @@ void main() {
     }
     vec3 low = uintBitsToFloat(uvec3(0x7F800000u)), high = -low;
     if (i < push.mesh.z) {
+#ifdef UPPER
+        uint at = 2u * slots[pairs[push.step.z + i].y].y;
+        low = bvh_nodes[at].xyz;
+        high = bvh_nodes[at + 1u].xyz;
+#else
         uint at = 3u * (push.mesh.y + i);
         vec3 a = bvh_triangles[at].xyz, c = bvh_triangles[at + 2u].xyz;
         vec4 b = bvh_triangles[at + 1u];
@@ -77,6 +100,7 @@ void main() {
             low = min(a, min(b.xyz, c));
             high = max(a, max(b.xyz, c));
         }
+#endif
     }
     halves[2u * (push.step.y + i)] = vec4(low, 0.0);
     halves[2u * (push.step.y + i) + 1u] = vec4(high, 0.0);
@@ -95,7 +119,7 @@ void main() {
 #endif
 
 #ifdef NODES
-uint code_of(int triangle) { return pairs[triangle].x >> (CODE_BITS - push.mesh.w); }
+uint code_of(int triangle) { return pairs[push.step.z + uint(triangle)].x >> (CODE_BITS - push.mesh.w); }
 
 // How many leading bits triangles i and j share; bits of their places follow those of their codes. -1 for what is none.
 int shared_bits(int i, int j) {
@@ -132,7 +156,14 @@ void write_range(uint node, uint side, uint first, uint last, uint inner) {
         }
     }
     bool leaf = last - first < LEAF_LARGEST;
+#ifdef UPPER
+    uint primitive = pairs[push.step.z + first].y, code = BVH_LEAF | primitive;
+    if (leaf) {
+        slots[primitive].y = 2u * node + side;
+    }
+#else
     uint code = BVH_LEAF | (last - first) << BVH_COUNT_SHIFT | (push.mesh.y + first);
+#endif
     write_child(node, side, leaf ? code : push.mesh.x + inner, low, high);
 }
 

@@ -68,6 +68,9 @@ INSTANCES_LARGEST = 1 << 24
 NON_OPAQUE = 1
 """Flag of an instance: hits ask `accept`."""
 
+TWO_SIDED = 2
+"""Flag of an instance: rays meet both sides of it, those that skip a side of other surfaces, too."""
+
 UNUSABLE = 1
 """Flag of a triangle without area or with corners that are no numbers: its corners are zeros, and its leaf's box is
 without it."""
@@ -83,6 +86,7 @@ CONSTANTS: dict[str, int | float | str] = {
     "BVH_COUNT_SHIFT": f"{COUNT_SHIFT}u",
     "BVH_NO_CHILD": f"{NO_CHILD}u",
     "BVH_NON_OPAQUE": f"{NON_OPAQUE}u",
+    "BVH_TWO_SIDED": f"{TWO_SIDED}u",
     "BVH_UNUSABLE": f"{UNUSABLE}u",
     "BVH_STACK": STACK,
 }

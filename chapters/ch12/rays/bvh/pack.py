@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import model
-from .build import Tree, build
+from .build import Tree, build, build_all, cut
 
 Floats = NDArray[np.float32]
 Integers = NDArray[np.int64]
+Mesh = tuple[Floats, NDArray[np.uint32]]
+"""Positions (V, 3), and (3 T,) or (T, 3) indices."""
+
+BATCH = 1 << 17
+"""About how many triangles are built together: arrays of more leave a processor's cache, and take much memory."""
 
 
 @dataclass
@@ -48,18 +54,24 @@ class Buffers:
     left_out: int
 
 
-def nodes_of(tree: Tree) -> np.ndarray:
-    """Return the records of a tree's inner nodes, numbered from 0, with leaves of ranges of its order."""
-    nodes = np.zeros(len(tree.children), model.NODE)
+def nodes_of(trees: Sequence[Tree]) -> list[np.ndarray]:
+    """Return the records of each tree's inner nodes, numbered from 0, with leaves of ranges of its order."""
+    children, low, high, first, count = (
+        np.concatenate([getattr(tree, name) for tree in trees])
+        for name in ("children", "low", "high", "first", "count")
+    )
+    inner, leaves = [len(tree.children) for tree in trees], [len(tree.first) for tree in trees]
+    before = np.repeat(np.cumsum(leaves) - leaves, inner)  # leaves of earlier trees, of each node
+    nodes = np.zeros(len(children), model.NODE)
     for side in range(2):
-        child = tree.children[:, side]
-        leaf = np.where(child < 0, ~child, 0)
-        count = tree.count[leaf] if len(tree.count) else leaf
-        first = tree.first[leaf] if len(tree.first) else leaf
-        code = np.where(child < 0, model.leaf_code(first, np.maximum(count, 1)), child.astype(np.uint32))
-        nodes[f"child{side}"] = np.where((child < 0) & (count == 0), np.uint32(model.NO_CHILD), code)
-        nodes[f"low{side}"], nodes[f"high{side}"] = tree.low[:, side], tree.high[:, side]
-    return nodes if len(nodes) else nothing()
+        child = children[:, side]
+        leaf = np.flatnonzero(child < 0)
+        code = child.astype(np.uint32)
+        which = ~child[leaf] + before[leaf]
+        full = model.leaf_code(first[which], np.maximum(count[which], 1))
+        code[leaf] = np.where(count[which] > 0, full, np.uint32(model.NO_CHILD))
+        nodes[f"child{side}"], nodes[f"low{side}"], nodes[f"high{side}"] = code, low[:, side], high[:, side]
+    return [part if len(part) else nothing() for part in cut(nodes, inner)]
 
 
 def nothing() -> np.ndarray:
@@ -71,12 +83,12 @@ def nothing() -> np.ndarray:
     return node
 
 
-def moved(nodes: np.ndarray, by_nodes: int, by_leaves: int) -> np.ndarray:
-    """Return nodes whose codes count from other beginnings."""
+def moved(nodes: np.ndarray, by_nodes: ArrayLike, by_leaves: ArrayLike) -> np.ndarray:
+    """Return nodes whose codes count from other beginnings, the same for all or one for each."""
     shifted = nodes.copy()
     for side in range(2):
         code = nodes[f"child{side}"]
-        by = np.where(code >= model.LEAF, np.uint32(by_leaves), np.uint32(by_nodes))
+        by = np.where(code >= model.LEAF, by_leaves, by_nodes).astype(np.uint32)
         shifted[f"child{side}"] = np.where(code == model.NO_CHILD, code, code + by)
     return shifted
 
@@ -97,25 +109,54 @@ def mesh_tree(
     them. It also has room for as many nodes as a rebuild may need (fast.py): those behind the tree's own have no
     children.
     """
-    corners = np.asarray(positions, np.float32)[np.asarray(indices).reshape(-1, 3)]
+    return _together({mesh: (positions, indices)}, {mesh} if deforming else (), largest)[0]
+
+
+def mesh_trees(meshes: Sequence[Mesh], deforming: Collection[int] = ()) -> list[MeshTree]:
+    """Return what `mesh_tree` makes of each mesh, in much less time if many are small; some numbers are `deforming`."""
+    ends = np.cumsum([np.size(indices) // 3 for _, indices in meshes])
+    trees = []
+    for _, batch in groupby(range(len(meshes)), lambda mesh: ends[mesh] // BATCH):
+        trees += _together({mesh: meshes[mesh] for mesh in batch}, deforming)
+    return trees
+
+
+def _together(
+    meshes: Mapping[int, Mesh], deforming: Collection[int], largest: int = model.LEAF_LARGEST
+) -> list[MeshTree]:
+    """Return the trees of some meshes, by their numbers, all built at once."""
+    parts = [
+        np.asarray(positions, np.float32)[np.asarray(indices).reshape(-1, 3)]
+        for positions, indices in meshes.values()
+    ]
+    numbers, deforms = np.array(list(meshes)), np.isin(list(meshes), list(deforming))
+    corners, sizes = np.concatenate(parts), [len(part) for part in parts]
+    mesh_of = np.repeat(np.arange(len(meshes)), sizes)
+    primitives = np.concatenate([np.arange(size) for size in sizes])
     sound = usable(corners)
-    kept = np.arange(len(corners)) if deforming else np.flatnonzero(sound)
+    kept = np.flatnonzero(sound | deforms[mesh_of])
     used = np.where(sound[kept, None, None], corners[kept], np.float32(0.0))
-    tree = build(used.min(axis=1), used.max(axis=1), largest)
-    triangles = np.zeros(len(kept), model.TRIANGLE)
+    counts = np.bincount(mesh_of[kept], minlength=len(meshes))
+    trees = build_all(used.min(axis=1), used.max(axis=1), counts, largest)
+    order = np.concatenate([tree.order for tree in trees]) + np.repeat(np.cumsum(counts) - counts, counts)
+    listed, triangles = kept[order], np.zeros(len(kept), model.TRIANGLE)
     for corner, name in enumerate("abc"):
-        triangles[name] = used[tree.order, corner]
-    triangles["primitive"], triangles["mesh"] = kept[tree.order], mesh
-    triangles["flags"] = np.where(sound[kept[tree.order]], 0, model.UNUSABLE)
-    nodes = nodes_of(tree)
-    if deforming:
-        if not sound.all():
-            refit(nodes, tree.levels, triangles)
-        nodes = np.concatenate([nodes, np.repeat(nothing(), max(len(kept) - 1 - len(nodes), 0))])
-    box = np.stack([
-        np.minimum(nodes["low0"][0], nodes["low1"][0]), np.maximum(nodes["high0"][0], nodes["high1"][0])
-    ])  # fmt: skip
-    return MeshTree(nodes, triangles, box, tree.levels, int((~sound).sum()))
+        triangles[name] = used[order, corner]
+    triangles["primitive"], triangles["mesh"] = primitives[listed], numbers[mesh_of[listed]]
+    triangles["flags"] = np.where(sound[listed], 0, model.UNUSABLE)
+    left_out = np.bincount(mesh_of[~sound], minlength=len(meshes)).tolist()
+    nodes, own = nodes_of(trees), cut(triangles, counts)
+    for mesh in np.flatnonzero(deforms).tolist():
+        if left_out[mesh]:
+            refit(nodes[mesh], trees[mesh].levels, own[mesh])
+        room = max(int(counts[mesh]) - 1 - len(nodes[mesh]), 0)
+        nodes[mesh] = np.concatenate([nodes[mesh], np.repeat(nothing(), room)])
+    roots = np.concatenate([part[:1] for part in nodes])
+    boxes = np.stack(
+        [np.minimum(roots["low0"], roots["low1"]), np.maximum(roots["high0"], roots["high1"])], axis=1
+    )
+    levels = [tree.levels for tree in trees]
+    return [MeshTree(*parts) for parts in zip(nodes, own, boxes, levels, left_out, strict=True)]
 
 
 def refit(nodes: np.ndarray, levels: list[int], triangles: np.ndarray | None = None) -> None:
@@ -203,7 +244,7 @@ def buffers(
     placed = np.zeros((count, 2, 3), np.float32)
     placed[seen] = world_boxes(matrices[seen], boxes[seen])
     tree = build(placed[:, 0], placed[:, 1], 1)
-    order, top = tree.order, nodes_of(tree)
+    order, top = tree.order, nodes_of([tree])[0]
     records = np.zeros(count, model.INSTANCE)
     records["rows"], records["root"] = rows[order], roots[mesh_of[order]]
     records["id"] = order if ids is None else np.asarray(ids)[order]
@@ -221,12 +262,10 @@ def buffers(
     refit(top, tree.levels)
     head = np.zeros(1, model.HEAD)
     head["root"], head["count"] = roots[-1], count
-    below = [
-        moved(mesh.nodes, int(root), int(first))
-        for mesh, root, first in zip(meshes, roots[:-1], firsts[:-1], strict=True)
-    ]
+    below = [mesh.nodes for mesh in meshes]
+    by = (np.repeat(part, [*sizes[0], len(top)]) for part in (roots, [*firsts[:-1], 0]))
     return Buffers(
-        np.concatenate([*below, moved(top, int(roots[-1]), 0)]),
+        moved(np.concatenate([*below, top]), *by),
         np.concatenate(
             [*(mesh.triangles for mesh in meshes), np.zeros(int(firsts[-1] == 0), model.TRIANGLE)]
         ),

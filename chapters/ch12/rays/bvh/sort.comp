@@ -10,7 +10,7 @@ layout(local_size_x = 64) in;
 #endif
 
 struct Push {
-    uvec4 run;  // x: pairs, y: the lowest bit of the digit
+    uvec4 run;  // x: pairs, y: the lowest bit of the digit, z: the first pair
 };
 PUSH(Push, push)
 
@@ -62,10 +62,10 @@ void main() {
 #endif
     }
     for (uint at = begin; at < end; ++at) {
-        uvec2 pair = from[at];
+        uvec2 pair = from[push.run.z + at];
         uint digit = pair.x >> push.run.y & (DIGITS - 1u);
 #ifndef COUNTS
-        to[places[digit]] = pair;
+        to[push.run.z + places[digit]] = pair;
 #endif
         ++places[digit];
     }

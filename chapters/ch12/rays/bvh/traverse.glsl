@@ -19,7 +19,7 @@ const uint BVH_PASSED = BVH_LEAF - 1u;  // in the place of a node's number: a hi
     } \
     if (size > 0u) { \
         --size; \
-        code = begins[size] < hit.t ? stack[size] : BVH_PASSED; \
+        code = bvh_begins[size] < hit.t ? bvh_stack[size] : BVH_PASSED; \
     } else { \
         code = BVH_NO_CHILD; \
     }
@@ -29,6 +29,11 @@ const uint BVH_PASSED = BVH_LEAF - 1u;  // in the place of a node's number: a hi
 #else
 #define BVH_STEP
 #endif
+
+// What is put off, and where the ray enters its box. Not inside of the function: a driver of OpenGL cleared them at each call,
+// which took most of the time.
+uint bvh_stack[BVH_STACK];
+float bvh_begins[BVH_STACK];
 
 #ifdef STEPS
 uint bvh_steps = 0u;  // nodes and leaves of the last trace
@@ -43,7 +48,7 @@ SlabRay bvh_slabs(uint root, vec3 origin, vec3 direction, float roundings) {
         origin, direction, empty ? vec3(0.0) : 0.5 * low + 0.5 * high, empty ? vec3(0.0) : 0.5 * high - 0.5 * low, roundings);
 }
 
-Hit bvh_traverse(Ray ray, uint mask, bool any) {
+Hit bvh_traverse(Ray ray, uint mask, uint sides, bool any) {
     Hit hit = Hit(ray.t_max, NO_HIT, 0u, vec2(0.0), 0u);
     if (bvh_head.y == 0u) {
         return hit;
@@ -51,11 +56,9 @@ Hit bvh_traverse(Ray ray, uint mask, bool any) {
     // Instances see the ray in their own space, with roundings of two matrices.
     SlabRay world_slabs = bvh_slabs(bvh_head.x, ray.origin, ray.direction, 32.0), slabs = world_slabs;
     ShearedRay sheared_ = sheared_ray(ray.origin, ray.direction);
-    uint stack[BVH_STACK];
-    float begins[BVH_STACK];  // where the ray enters the box of what is put off
     uint size = 0u;
     uint floor_ = BVH_NO_CHILD;  // the stack's size at which the instance ends; none in the upper level
-    uint instance = 0u, flags = 0u;
+    uint instance = 0u, flags = 0u, skipped = 0u;
     uint code = bvh_head.x;
     bool going = true;
 #ifdef STEPS
@@ -79,8 +82,8 @@ Hit bvh_traverse(Ray ray, uint mask, bool any) {
             bool swap = hit1 && (!hit0 || span1.x < span0.x);
             code = swap ? child1 : child0;
             if (hit0 && hit1) {
-                stack[size] = swap ? child0 : child1;
-                begins[size] = swap ? span0.x : span1.x;
+                bvh_stack[size] = swap ? child0 : child1;
+                bvh_begins[size] = swap ? span0.x : span1.x;
                 ++size;
             }
             if (!(hit0 || hit1)) {
@@ -103,6 +106,7 @@ Hit bvh_traverse(Ray ray, uint mask, bool any) {
                 code = record.what.x;
                 instance = record.what.z;
                 flags = record.what.w;
+                skipped = (flags & BVH_TWO_SIDED) != 0u ? 0u : sides;
                 floor_ = size;
                 pop = false;
             }
@@ -112,10 +116,13 @@ Hit bvh_traverse(Ray ray, uint mask, bool any) {
             for (uint triangle = first; triangle < end; ++triangle) {
                 vec4 a = bvh_triangles[3u * triangle], b = bvh_triangles[3u * triangle + 1u];
                 vec4 c = bvh_triangles[3u * triangle + 2u];
-                float t;
-                vec2 at;
-                bool back;
-                if (hits_triangle(sheared_, a.xyz, b.xyz, c.xyz, t, at, back) && t > ray.t_min && t < hit.t) {
+                float t = 0.0;
+                vec2 at = vec2(0.0);
+                bool back = false;
+                // The side is no part of the same condition: a driver then asked for it before it was known.
+                bool found = hits_triangle(sheared_, a.xyz, b.xyz, c.xyz, t, at, back);
+                uint side = back ? SKIP_BACKS : SKIP_FRONTS;
+                if (found && t > ray.t_min && t < hit.t && (skipped & side) == 0u) {
                     Hit candidate = Hit(t, instance, floatBitsToUint(a.w), at, back ? HIT_BACK : 0u);
 #ifdef NON_OPAQUE
                     if ((flags & BVH_NON_OPAQUE) == 0u || accept(candidate)) {
@@ -135,6 +142,6 @@ Hit bvh_traverse(Ray ray, uint mask, bool any) {
     return hit;
 }
 
-Hit trace(Ray ray, uint mask) { return bvh_traverse(ray, mask, false); }
+Hit trace(Ray ray, uint mask, uint sides) { return bvh_traverse(ray, mask, sides, false); }
 
-bool occluded(Ray ray, uint mask) { return bvh_traverse(ray, mask, true).instance != NO_HIT; }
+bool occluded(Ray ray, uint mask, uint sides) { return bvh_traverse(ray, mask, sides, true).instance != NO_HIT; }

@@ -17,8 +17,9 @@ from ...frames.vulkan_commands import Commands
 from ...pipelines.description import Built
 from ...pipelines.vulkan_descriptors import Held, Sets
 from ...visibility.vulkan import Bindings
-from ..passes import BUFFERS
-from .memory import INSTANCES, NODES, TRIANGLES, BvhMemory
+from .kernels import PAGE, PLACES, TOLD
+from .memory import BvhMemory
+from .vulkan_told import Told
 
 _COPIED = vk.VK_BUFFER_USAGE_TRANSFER_DST_BIT | vk.VK_BUFFER_USAGE_TRANSFER_SRC_BIT
 _STORED = vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | _COPIED
@@ -51,14 +52,22 @@ class Memory(BvhMemory):
         descriptors, data = self._backend.descriptors, self._data
         if self._sets is not None:
             self._backend.resources.defer(partial(descriptors.destroy, self._sets))
-        shared: dict[int, Held] = {binding: self.buffers[name] for binding, name in enumerate(BUFFERS)}
         held: dict[tuple[str, int, int], dict[int, Held]] = {}
         for slot in range(SLOTS):
-            held[NODES, slot, 0] = shared | {3: self.buffers["list"]}
-            held[INSTANCES, slot, 0] = shared | {4: self.buffers["slots"]} | data.held_instances(slot, 3, 5)
-            for page in range(len(data.pages)) if self._deforming else ():
-                own: dict[int, Held] = {3: self.buffers["meshes"], 4: data.page_buffer(slot, page)}
-                held[TRIANGLES, slot, page] = shared | own
+            for kernel, names in self._bound.items():
+                known: dict[int, Held] = {
+                    at: self.buffers[name] for at, name in enumerate(names) if name in self.buffers
+                }
+                if TOLD in names:
+                    known[names.index(TOLD)] = self.told[slot]
+                if PLACES in names:
+                    known |= data.held_instances(slot, names.index(PLACES), len(names) - 1)
+                if PAGE not in names:
+                    held[kernel, slot, 0] = known
+                    continue
+                for page in range(len(data.pages)) if self._deforming else ():
+                    own: dict[int, Held] = {names.index(PAGE): data.page_buffer(slot, page)}
+                    held[kernel, slot, page] = known | own
         described = []
         for (kernel, slot, page), content in held.items():
             layout = self._built[kernel].sets[0]
@@ -66,14 +75,26 @@ class Memory(BvhMemory):
             described.append((layout, content, f"ray {kernel}, slot {slot}, page {page}"))
         self._sets = descriptors.create(described)
         handles = [vk.array("VkDescriptorSet", [handle]) for handle in self._sets.handles]
-        self._bound = dict(zip(held, handles, strict=True))
+        self._set_of = dict(zip(held, handles, strict=True))
 
     def _bind_kernel(self, commands: Commands, kernel: str, pipeline: Built, slot: int, page: int) -> None:
         commands.bind_compute(pipeline)
-        commands.bind_compute_set(pipeline, 0, self._bound[kernel, slot, page])
+        commands.bind_compute_set(pipeline, 0, self._set_of[kernel, slot, page])
+
+    def _create_told(self, count: int) -> list[Buffer]:
+        self._told = Told(self._backend.device, count, "costs")
+        return self._told.buffers
+
+    def _read_told(self, slot: int) -> NDArray[np.float32]:
+        return self._told.read(slot)
+
+    def _finish_told(self, commands: Commands) -> None:
+        self._told.finish(commands)
 
     def close(self) -> None:
-        """Free the sets; the buffers belong to the resources."""
+        """Free the sets and what the CPU reads; the other buffers belong to the resources."""
+        if self._watch:
+            self._told.close()
         if self._sets is not None:
             self._backend.descriptors.destroy(self._sets)
             self._sets = None

@@ -126,7 +126,7 @@ def normals(settings: Settings) -> NDArray[np.float32]:
 
 def hierarchy(settings: Settings) -> list[NDArray[np.uint32]]:
     """Return nodes, triangles and instances of our own hierarchy, for bindings 5 to 7."""
-    trees = [pack.mesh_tree(positions, indices) for positions, indices in meshes(settings)]
+    trees = pack.mesh_trees(meshes(settings))
     flags = [0 if settings.opaque else model.NON_OPAQUE, 0]
     built = pack.buffers(trees, np.tile(np.eye(4), (2, 1, 1)), [LEAVES, FLOOR], flags=np.array(flags))
     return [built.nodes.view(np.uint32), built.triangles.view(np.uint32), built.instances]

@@ -19,7 +19,7 @@ void run(uvec3 id) {
         return;
     }
     CameraRay ray = ray_of(id.xy);
-    Hit hit = trace(Ray(ray.origin, 0.0, ray.direction, 1e30), 0xFFu);
+    Hit hit = trace(Ray(ray.origin, 0.0, ray.direction, 1e30), 0xFFu, 0u);
     if (hit.instance == NO_HIT) {
         found_at(id.xy, vec4(SKY, -1.0), uvec4(NO_HIT));
         return;
@@ -31,7 +31,7 @@ void run(uvec3 id) {
     normal = dot(normal, ray.direction) > 0.0 ? -normal : normal;
     float facing = dot(normal, TO_LIGHT);
     // Metres that are enough at this size; rays/picture.glsl has what holds at any.
-    bool lit = facing > 0.0 && !occluded(Ray(position + 1e-4 * normal, 0.0, TO_LIGHT, 1e30), 0xFFu);
+    bool lit = facing > 0.0 && !occluded(Ray(position + 1e-4 * normal, 0.0, TO_LIGHT, 1e30), 0xFFu, 0u);
     uint hash = scrambled(card + 1u);
     vec3 leaf = mix(vec3(0.05, 0.22, 0.03), vec3(0.5, 0.35, 0.05), float(hash & 255u) / 255.0 * 0.8);
     vec3 color = ground ? vec3(0.5, 0.46, 0.4) : leaf;
