@@ -15,8 +15,8 @@ from tests.support.traced_pictures import ways_of
 pytestmark = pytest.mark.until(12, "later lessons have a Python of their own")
 
 BUDGET_S, BVH_BUDGET_S = 5e-5, 1e-4
-"""Seconds of Python that rays may add to a frame in which instances move: by the driver's structures, and by our own. Ours
-replays kernels level by level and reads a report: it was measured to take 36 to 64 us."""
+"""Seconds of Python that rays may add to a frame in which instances move: by the driver's structures, and by our own.
+Ours replays kernels level by level and reads a report: it was measured to take 36 to 64 us."""
 
 
 def moving_yard():
