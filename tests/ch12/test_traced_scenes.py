@@ -110,7 +110,9 @@ FRONT = View(pose_looking_at((0.4, 0.3, 4.0), (0.2, 0.0, 0.0)), Perspective(0.7,
 
 
 @pytest.mark.feature("acceleration/refit")
-@pytest.mark.parametrize("scene", [bending, morphing], ids=["skin", "morph"])
+@pytest.mark.parametrize(
+    "scene", [pytest.param(bending, marks=pytest.mark.long), morphing], ids=["skin", "morph"]
+)
 def test_meshes_that_deform_are_followed(chapter, scene):
     """At each time the picture is that of a renderer opened anew, in either slot of frames, and forwards and back."""
     for way in few_ways(chapter):
