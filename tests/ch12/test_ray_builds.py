@@ -196,7 +196,7 @@ def test_barriers_of_a_frame_of_builds_are_enough_and_each_is_missed(chapter, de
     for one in (before, between, after):
         assert isinstance(one, Barriers)
         left = [event for event in frame if event is not one]
-        assert not is_safe([*first, *left, *left], {}), f"nobody misses {one}"
+        assert not is_safe([*first, *left, *left], {}), f"the frame is safe without the barrier {one}"
 
 
 def test_an_address_of_a_page_is_where_its_positions_begin(chapter, device, tmp_path):

@@ -1,4 +1,4 @@
-"""What rays cost that nobody asked for: nothing; and what they refuse, each in a sentence."""
+"""Rays that are switched off cost nothing, and what rays refuse is refused in a sentence."""
 
 from __future__ import annotations
 
