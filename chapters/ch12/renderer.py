@@ -6,7 +6,7 @@
                deferred: gbuffer, or visibility and visibility_resolve; ssao; lighting
                forward:  one pass of that name, and resolve with several samples a pixel
                and behind either: transparent, or the passes of layers -> color_hdr, depth; rays over a part of
-               it -> color_traced; motion and taa
+               it, or paths -> color_traced; motion and taa
                -> history_color; three passes of a lens, exposure and bloom -> color_bloomed; motion_blur and sharpen
                -> color_focused; tonemap, and fxaa -> color; instance_id and motion, if requested
     copy       copy the requested outputs to the CPU
@@ -43,6 +43,7 @@ from .graph.plan import FramePlan, check_samples, graph_name
 from .graph.stream import GraphStream
 from .hdr.technique import HdrTechnique
 from .motion.technique import MotionTechnique
+from .paths.technique import PathTechnique
 from .rates.native import settled
 from .rates.technique import RateTechnique
 from .rays.technique import RayTechnique
@@ -69,6 +70,7 @@ class Renderer(GraphStream):
         ShadowTechnique,
         RateTechnique,
         RayTechnique,
+        PathTechnique,
         MotionTechnique,
         TaaTechnique,
     )

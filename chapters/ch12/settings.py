@@ -21,6 +21,7 @@ from .frames.settings import FrameSettings
 from .graph.settings import GraphSettings
 from .hdr.settings import HdrSettings
 from .loading.settings import LoadingSettings
+from .paths.settings import PathSettings
 from .post.settings import PostSettings
 from .rates.settings import RateSettings
 from .rays.settings import RaySettings
@@ -161,6 +162,8 @@ class Settings(Grouped):
         "taa taa_share taa_average taa_velocity taa_history taa_filter taa_constraint taa_gamma taa_weight taa_ycocg "
         "taa_tolerance taa_reactive taa_format taa_scale jitter jitter_period mip_bias steady_uv "
         "rays ray_split ray_way ray_view ray_shadows ray_mirror ray_bounces "
+        "path_tracer path_samples path_limit path_error path_average path_first path_seed path_bounces path_roulette "
+        "path_strategy path_lights path_sequence path_filter "
         "skip_unused"
     )
 
@@ -184,3 +187,4 @@ class Settings(Grouped):
     fog: FogSettings = group(FogSettings)
     taa: TaaSettings = group(TaaSettings)
     rays: RaySettings = group(RaySettings)
+    paths: PathSettings = group(PathSettings)

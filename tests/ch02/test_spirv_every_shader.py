@@ -171,6 +171,7 @@ GIVEN_FROM_12 = {
     "MASKED_FLAG": 128,
     "BLENDED_FLAG": 256,
     "TARGET_BINDING": 3,
+    "PATH_BINDING": 3,
 }
 RAY_STAGES = (".rgen", ".rchit", ".rahit", ".rmiss", ".rint", ".rcall")
 GIVEN_IN: dict[str, dict[str, int | float | str | None]] = {

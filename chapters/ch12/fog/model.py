@@ -74,8 +74,8 @@ def needed(scene: Scene, settings: Any) -> bool:
 
 
 def in_use(scene: Scene, settings: Any) -> bool:
-    """Whether frames have froxels: a view of slices shows their places alone."""
-    return needed(scene, settings) and settings.shading.view != VIEWS[0]
+    """Whether frames have froxels: a view of slices shows their places alone, and paths meet the medium itself."""
+    return needed(scene, settings) and settings.shading.view != VIEWS[0] and not settings.paths.path_tracer
 
 
 def check(scene: Scene, settings: Any) -> None:

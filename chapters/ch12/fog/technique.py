@@ -44,7 +44,7 @@ class FogTechnique(Technique):
         super().__init__(scene, settings)
         if model.wanted(settings):
             model.check(scene, settings)
-        self._knobs = settings.fog
+        self._knobs, self._by_paths = settings.fog, settings.paths.path_tracer
         self._memory: FogMemory | None = None
         self._own: tuple[FogPass, ...] = ()
         self._age = self._still = 0
@@ -187,7 +187,7 @@ class FogTechnique(Technique):
 
     def resting(self, time: float) -> bool:
         """Whether the history stays as it is, and no wind blows."""
-        if self._memory is None or self._state is None:
+        if self._memory is None or self._state is None or self._by_paths:
             return True
         rests = self._still >= model.REST_FRAMES or not (self._knobs.fog_temporal and self._visible)
         return rests and self._wind(time) == self._state[2]

@@ -247,7 +247,9 @@ class FramePlan:
             )
             for name, pass_ in self.passes.items()
         }
-        nodes = self.file.nodes(declared, self._formats, outputs=OUTPUTS, on=self._on)
+        written = {access.resource for pass_ in self.passes.values() for access in pass_.writes}
+        external = {name for pass_ in self.passes.values() for name in pass_.externals} - written
+        nodes = self.file.nodes(declared, self._formats, external, OUTPUTS, self._on)
         nodes += [
             Node(pass_.name, pass_.reads, pass_.writes, _why_not(pass_, scene, settings), pass_.queue)
             for pass_ in self._inserted.values()

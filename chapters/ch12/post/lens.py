@@ -6,6 +6,7 @@ from typing import Protocol
 
 from common.scene import Scene
 
+from ..paths.settings import PathSettings
 from ..shading.settings import ShadingSettings
 from ..shading.views import PICTURE
 from .fullscreen import FullscreenPass
@@ -31,11 +32,14 @@ class Settings(Protocol):
 
     shading: ShadingSettings
     post: PostSettings
+    paths: PathSettings
 
 
 def needed(scene: Scene, settings: Settings) -> bool:
     """Whether anything can be out of focus: not through a pinhole, and not where a view shows numbers."""
-    return settings.post.aperture > 0.0 and settings.shading.view == PICTURE and len(scene.instances) > 0
+    # Paths go through the lens themselves.
+    drawn = settings.shading.view == PICTURE and not settings.paths.path_tracer
+    return settings.post.aperture > 0.0 and drawn and len(scene.instances) > 0
 
 
 def lens_defines(settings: Settings) -> Defines:

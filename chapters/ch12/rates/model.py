@@ -68,8 +68,10 @@ def coarse_define(settings: Any) -> tuple[str, str]:
 
 def wanted(settings: Any) -> bool:
     """Whether the settings ask for a mask, and the picture is one that a G-buffer can hold."""
-    shading = settings.shading
-    return bool(settings.rates.rate_policy != "none" and shading.view == "picture" and shading.msaa == 1)
+    shading, drawn = settings.shading, not settings.paths.path_tracer
+    return bool(
+        settings.rates.rate_policy != "none" and drawn and shading.view == "picture" and shading.msaa == 1
+    )
 
 
 def texel_of(settings: Any) -> int:

@@ -1,12 +1,16 @@
 // Whether a ray stops at a surface that is not opaque. Every way of tracing asks this function.
 //
 // A masked surface is there where its alpha reaches the cutoff. A blended surface stops the share alpha of all rays: a
-// hash of pixel, instance and triangle decides, so the answer depends on neither the order of candidates nor the way.
-// Each jitter of the projection has hashes of its own: a history averages them.
+// hash of pixel, instance and triangle decides, so the answer depends on neither the order of candidates nor the way. Each
+// jitter of the projection has hashes of its own, which a history averages, and so has each ray of the path tracer
+// (paths/ray_seed.glsl).
 
 #ifdef NON_OPAQUE
 #include "rays/surface.glsl"
 #include "palette.glsl"
+#ifdef PATHS
+#include "paths/ray_seed.glsl"
+#endif
 
 #ifdef RAYS_PIPELINE
 #define INVOCATION gl_LaunchIDEXT.xy
@@ -31,9 +35,12 @@ bool accept(Hit hit) {
     if ((flags & uint(MASKED_FLAG)) != 0u) {
         return alpha >= material.emissive.a;
     }
-    uvec2 jitter = floatBitsToUint(frame.view_from_clip[3].xy);
-    uint pixel = scrambled(scrambled(RAY_ID.x | RAY_ID.y << 16) ^ jitter.x) ^ jitter.y;
-    uint drawn = scrambled(scrambled(pixel ^ hit.instance) ^ hit.primitive);
+#ifdef PATHS
+    uint seed = path_ray_seed();
+#else
+    uint seed = scrambled(floatBitsToUint(frame.view_from_clip[3].x)) ^ floatBitsToUint(frame.view_from_clip[3].y);
+#endif
+    uint drawn = scrambled(scrambled(scrambled((RAY_ID.x | RAY_ID.y << 16) ^ seed) ^ hit.instance) ^ hit.primitive);
     return alpha > float(drawn >> 8) * (1.0 / 16777216.0);
 }
 #endif

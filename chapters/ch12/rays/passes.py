@@ -119,6 +119,8 @@ class RayPicturePass(Pass):
 
     name = "rays"
     sources = SOURCES
+    shader = "rays/picture"
+    """The file of the shader, without its ending."""
     structures: Structures
     """What rays traverse, set by the technique."""
     tiles = 1
@@ -141,8 +143,17 @@ class RayPicturePass(Pass):
 
     @staticmethod
     def needed(scene: Scene, settings: Settings) -> bool:
-        """Whether a part of the picture is traced."""
-        return picture.in_use(scene, settings)
+        """Whether a part of the picture is traced, and not by paths."""
+        return picture.in_use(scene, settings) and not settings.paths.path_tracer
+
+    def defines(self) -> picture.Defines:
+        """Return the defines of the shader, besides those of materials and of the way."""
+        defines = picture.picture_defines(self._scene, self._settings, self._draws.used)
+        return (*defines, ("TARGET_BINDING", self._behind_structures()))
+
+    def _behind_structures(self) -> int:
+        """Return the first binding behind those of the structures."""
+        return len(BUFFERS) if self._way == picture.BVH else 0
 
     def describe(self) -> Described:
         """Return the pipeline, for all materials of the scene."""
@@ -151,13 +162,12 @@ class RayPicturePass(Pass):
         defines = (
             *whole.defines,
             *self._data.texture_defines(whole, lambda _: whole),
-            *picture.picture_defines(self._scene, self._settings, self._draws.used),
+            *self.defines(),
             *picture.DEFINES[self._way],
-            ("TARGET_BINDING", len(BUFFERS) if self._way == picture.BVH else 0),
         )
         if self._way == picture.PIPELINE:
-            return ray_description("rays/picture.rgen", defines, name="rays")
-        return ComputeDescription("rays/picture.comp", defines, name="rays")
+            return ray_description(f"{self.shader}.rgen", defines, name=self.name)
+        return ComputeDescription(f"{self.shader}.comp", defines, name=self.name)
 
     def create(self) -> None:
         """Build the pipeline; again when a material became another kind."""

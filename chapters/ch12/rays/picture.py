@@ -41,17 +41,24 @@ FEATURES = {PIPELINE: "ray-tracing", QUERY: "ray-query"}
 
 def in_use(scene: Scene, settings: Any) -> bool:
     """Whether a part of the picture is traced; a view of a quantity is rasterised, and so is a scene of nothing."""
-    return bool(settings.rays.rays != "off" and settings.shading.view == PICTURE and len(scene.indices))
+    wanted = settings.rays.rays != "off" or settings.paths.path_tracer
+    return bool(wanted and settings.shading.view == PICTURE and len(scene.indices))
 
 
 def first_column(settings: Any, width: int) -> int:
     """Return the columns of a picture of `width` that are left of the traced part."""
-    return math.ceil(settings.rays.ray_split * width) if settings.rays.rays == "beside" else 0
+    beside = settings.rays.rays == "beside" and not settings.paths.path_tracer
+    return math.ceil(settings.rays.ray_split * width) if beside else 0
 
 
 def most_rays(scene: Scene, settings: Any, size: tuple[int, int]) -> int:
     """Return how many rays a picture of `size` may have: to each light from each surface that a pixel shows."""
-    knobs = settings.rays
+    knobs, paths = settings.rays, settings.paths
+    if paths.path_tracer:
+        lights = 1 + (len(scene.lights) if paths.path_lights == "all" else 1)
+        return (
+            size[0] * size[1] * int(paths.path_samples) * (1 + lights) * (1 + min(int(paths.path_bounces), 8))
+        )
     lights = len(scene.lights) if knobs.ray_shadows else 0
     return (size[0] - first_column(settings, size[0])) * size[1] * (1 + lights) * (1 + knobs.ray_bounces)
 
@@ -89,9 +96,8 @@ def casting_sides(settings: Any) -> str:
     return "SKIP_FRONTS" if settings.shadows.shadow_sides == "front" else "0u"
 
 
-def picture_defines(scene: Scene, settings: Any, used: Sequence[int]) -> Defines:
-    """Return what picture.glsl is built with, besides the variant of its materials."""
-    knobs = settings.rays
+def surface_defines(scene: Scene, settings: Any, used: Sequence[int]) -> Defines:
+    """Return what a picture by rays is built with, besides the variant of its materials and what is its own."""
     sky: Defines = (
         ()
         if Sky.needed(scene, settings)
@@ -102,12 +108,20 @@ def picture_defines(scene: Scene, settings: Any, used: Sequence[int]) -> Defines
         *sky,
         *((("TANGENTS_DERIVED", 1),) if settings.visibility.tangents == "derived" else ()),
         *(() if opaque_materials(scene)[list(used)].all() else (("NON_OPAQUE", 1),)),
+        ("TILED", 1),
+        ("FORMAT", settings.shading.color_format),
+    )
+
+
+def picture_defines(scene: Scene, settings: Any, used: Sequence[int]) -> Defines:
+    """Return what picture.glsl is built with, besides the variant of its materials."""
+    knobs = settings.rays
+    return (
+        *surface_defines(scene, settings, used),
         *((("SHADOW_RAYS", 1), ("CASTERS", f"{SURFACES}u")) if knobs.ray_shadows else ()),
         *((("CASTING_SIDES", casting_sides(settings)),) if knobs.ray_shadows else ()),
         *((("SHADOW_NEAR", f"{settings.shadows.shadow_near:.9e}"),) if knobs.ray_shadows else ()),
         ("BOUNCES", int(knobs.ray_bounces)),
         ("MIRROR", float(knobs.ray_mirror)),
         ("RAY_VIEW", get_args(View).index(knobs.ray_view)),
-        ("TILED", 1),
-        ("FORMAT", settings.shading.color_format),
     )

@@ -10,6 +10,7 @@ from common.scene import Scene
 
 from ..cloth.passes import ClothPass
 from ..frames.backend.backend import Backend
+from ..paths.passes import PathsPass
 from ..scene.pass_parts import PassParts
 from ..settings import Settings
 from . import picture
@@ -37,8 +38,9 @@ class RayTechnique(Technique):
 
     def create(self, parts: PassParts, backend: Backend, passes: Mapping[str, Pass]) -> None:
         """Make the passes, and the structures if they are in use."""
-        build, trace = StructuresPass(parts), RayPicturePass(parts)
-        self.passes = {build.name: build, trace.name: trace}
+        build, rays, paths = StructuresPass(parts), RayPicturePass(parts), PathsPass(parts)
+        self.passes = {gpu_pass.name: gpu_pass for gpu_pass in (build, rays, paths)}
+        trace = paths if paths.needed(parts.scene, parts.settings) else rays
         if not picture.in_use(parts.scene, parts.settings):
             return
         self._backend, self._settings, self._trace = backend, parts.settings, trace

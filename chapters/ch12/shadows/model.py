@@ -44,9 +44,10 @@ DIRECTIONAL = LIGHT_KINDS["directional"]
 
 
 def wanted(settings: Any) -> bool:
-    """Whether the settings ask for shadows; a view shows a quantity of a surface, and most of them no light."""
+    """Whether the settings ask for shadow maps; a view shows a quantity of a surface, and most of them no light."""
     view = settings.shading.view
-    return bool(settings.shadows.shadows == "on" and view in ("picture", "non-finite", *SHADOWS))
+    asked = settings.shadows.shadows == "on" and not settings.paths.path_tracer
+    return bool(asked and view in ("picture", "non-finite", *SHADOWS))
 
 
 def possible(scene: Scene, settings: Any) -> bool:

@@ -33,8 +33,8 @@ HARRIS_MEAN = 0.35875
 
 
 def in_use(settings: Settings) -> bool:
-    """Whether frames have a history of colour; a view of a quantity is shown as it is."""
-    return settings.taa.taa != "off" and settings.shading.view == PICTURE
+    """Whether frames have a history of colour; a view of a quantity is shown as it is, and paths have sums."""
+    return settings.taa.taa != "off" and settings.shading.view == PICTURE and not settings.paths.path_tracer
 
 
 def scale(settings: Settings) -> float:

@@ -1,0 +1,94 @@
+"""Pictures of tests that a chapter traces by paths, and how far their means are from a truth, in standard errors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import chapters
+from common.scene import Scene
+from common.view.camera import View
+from tests.support.shadows import PLAIN
+from tests.support.traced_pictures import ways_of
+
+Float64 = NDArray[np.float64]
+
+SIZE = (24, 16)
+
+PATHS: dict[str, Any] = {**PLAIN, "path_tracer": True, "path_lights": "all", "environment_size": 32}
+"""Settings of a picture in 32 bits that is traced by paths."""
+
+
+def way_of(chapter: Any) -> str:
+    """Return the way that compiles soonest: the first one that the device of a chapter has."""
+    return ways_of(chapter)[0]
+
+
+def opened(chapter: Any, scene: Scene, size: tuple[int, int] = SIZE, **turned: Any) -> Any:
+    """Return a renderer of a scene with PATHS and other settings, and the output "color_linear"."""
+    settings = {**PATHS, "ray_way": way_of(chapter), **turned}
+    return chapter.open(
+        scene, size, chapters.settings_class(chapter.which)(**settings), outputs={"color_linear"}
+    )
+
+
+def light(renderer: Any, view: View, frames: int = 1) -> Float64:
+    """Return (H, W, 3) the light of the last of some frames, in nits."""
+    for _ in range(frames):
+        frame = renderer.render(view, 0.0)
+    return np.asarray(frame.image("color_linear"), np.float64)
+
+
+def runs(
+    chapter: Any,
+    scene: Scene,
+    view: View,
+    count: int = 16,
+    size: tuple[int, int] = SIZE,
+    each: Iterable[dict[str, Any]] = ({},),
+    **turned: Any,
+) -> list[Float64]:
+    """Return (count, H, W, 3) independent pictures for each of some live knobs, by their names in `settings.paths`."""
+    pictures = []
+    with opened(chapter, scene, size, path_average=False, **turned) as renderer:
+        knobs = renderer.settings.paths
+        for seed, changed in enumerate(each):
+            before = {name: getattr(knobs, name) for name in changed}
+            for name, value in ({"path_seed": seed} | changed).items():
+                setattr(knobs, name, value)
+            pictures.append(np.stack([light(renderer, view) for _ in range(count)]))
+            for name, value in before.items():
+                setattr(knobs, name, value)
+    return pictures
+
+
+def z_scores(pictures: Float64, truth: ArrayLike = 0.0, block: int = 4) -> Float64:
+    """Return the mean of runs minus a truth, (H, W, 3) or a number, over its standard error, by blocks of pixels.
+
+    The error follows from how the runs differ. A block that does not vary has z = 0 where it is right to 1e-5.
+    """
+    count, height, width, _ = pictures.shape
+    wanted = np.broadcast_to(np.asarray(truth, np.float64), pictures.shape[1:])
+
+    def blocks(values: Float64) -> Float64:
+        cut = values[..., : height // block * block, : width // block * block, :]
+        parts = cut.reshape(*cut.shape[:-3], height // block, block, width // block, block, 3)
+        return np.asarray(parts.mean(axis=(-4, -2)))
+
+    sampled, expected = blocks(pictures), blocks(wanted)
+    mean, error = sampled.mean(axis=0), sampled.std(axis=0, ddof=1) / np.sqrt(count)
+    floor = 1e-5 * np.maximum(np.abs(expected), np.abs(mean)) + 1e-30
+    away = np.maximum(np.abs(mean - expected) - floor, 0.0)
+    return np.asarray(np.sign(mean - expected) * away / np.maximum(error, 0.01 * floor))
+
+
+def assert_agrees(z: Float64) -> None:
+    """Hold scores to those of independent errors: none far away, and their mean square near 1 at most."""
+    assert np.isfinite(z).all()
+    assert np.abs(z).max() < 6.0, np.abs(
+        z
+    ).max()  # of Student's t with 15 degrees of freedom, of some hundreds
+    assert (z**2).mean() < 2.0, (z**2).mean()
