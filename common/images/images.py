@@ -63,13 +63,18 @@ def write_image(path: str | Path, image: Array) -> None:
     _write(path, data)
 
 
-def write_layers(path: str | Path, layers: Mapping[str, Array]) -> None:
-    """Write pictures of one size into one EXR: the layer "" is the picture, others become "name.R"."""
+def write_layers(
+    path: str | Path, layers: Mapping[str, Array], notes: Mapping[str, str] | None = None
+) -> None:
+    """Write pictures of one size into one EXR: the layer "" is the picture, others become "name.R".
+
+    `notes` become attributes of the header by their names.
+    """
     path = Path(path)
     check_writable(path)
     if path.suffix.lower() != ".exr":
         raise UserError(f"{path} cannot hold layers: only .exr can")
-    _write(path, _encode_exr(layers))
+    _write(path, _encode_exr(layers, notes))
 
 
 def read_image(path: str | Path) -> Array:
@@ -159,9 +164,10 @@ def _in_order(parts: dict[str, Array]) -> list[Array]:
     return [parts[name] for name in sorted(parts, key=lambda name: ("RGBAXYZW".find(name[:1].upper()), name))]
 
 
-def encode_png(image: Array, srgb: bool = False) -> bytes:
+def encode_png(image: Array, srgb: bool = False, notes: Mapping[str, str] | None = None) -> bytes:
     """Return (H, W, C) as a PNG; with `srgb` it says that its bytes are codes of sRGB, as programs mostly take them.
 
+    `notes` are texts in a PNG of 8 bits, by their names.
     Raises ValueError for an array that a PNG cannot hold.
     """
     if image.dtype not in (np.uint8, np.uint16) or image.shape[2] > 4:
@@ -175,6 +181,8 @@ def encode_png(image: Array, srgb: bool = False) -> bytes:
     told = PngInfo()
     if srgb:
         told.add(b"sRGB", b"\0")  # "perceptual", of which only profiles that convert take notice
+    for name, text in (notes or {}).items():
+        told.add_itxt(name, text)
     pillow.save(stream, "PNG", compress_level=6, pnginfo=told)
     return stream.getvalue()
 
@@ -200,7 +208,7 @@ def _encode_exr_image(image: Array) -> bytes:
     return _encode_exr({"": image})
 
 
-def _encode_exr(layers: Mapping[str, Array]) -> bytes:
+def _encode_exr(layers: Mapping[str, Array], notes: Mapping[str, str] | None = None) -> bytes:
     openexr = _openexr()
     channels = {}
     for layer, image in layers.items():
@@ -219,7 +227,7 @@ def _encode_exr(layers: Mapping[str, Array]) -> bytes:
             channels[name] = np.ascontiguousarray(image[..., index])  # the package ignores strides
     if len({pixels.shape for pixels in channels.values()}) != 1:
         raise ValueError("the layers of an EXR must have one size")
-    header = {"compression": openexr.ZIP_COMPRESSION, "type": openexr.scanlineimage}
+    header = {**(notes or {}), "compression": openexr.ZIP_COMPRESSION, "type": openexr.scanlineimage}
     with temporary_folder() as folder:  # older versions of the package cannot write to memory
         path = folder / "image.exr"
         openexr.File(header, channels).write(str(path))

@@ -1,4 +1,4 @@
-"""The options of `strata bench`; what it does is in `tools.bench`."""
+"""The options of `strata bench` and `strata reference`; what they do is in `tools.bench` and `tools.reference`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from common.errors import UserError
-from tools.cli.options import Backend, Scene, Size
+from tools.cli.options import Backend, Camera, Chapter, Environment, Scene, Set, Size
 
 OPTIONS = {"json_": "--json", "all_": "--all"}
 """Options whose parameter has another name, since Python has a use for theirs."""
@@ -108,3 +108,88 @@ def refuse(options: set[str], chapter: str | None, why: str) -> None:
     words = [*([chapter] if chapter is not None else []), *sorted(options)]
     if words:
         raise UserError(f"{why}: leave out {' and '.join(words)}.")
+
+
+def reference(
+    chapter: Chapter,
+    backend: Backend = "auto",
+    scene: Scene = "atrium",
+    environment: Environment = "none",
+    size: Size = "640x360",
+    camera: Camera = None,
+    time: Annotated[float, typer.Option(metavar="SECONDS", help="Time of the picture.")] = 0.0,
+    ev: Annotated[
+        float | None,
+        typer.Option(metavar="EV100", help="Exposure; without it that of the scene.", show_default=False),
+    ] = None,
+    error: Annotated[
+        float,
+        typer.Option(
+            metavar="PART",
+            help="Stop where the estimated error is at most this part of the light: the root of the mean squared "
+            "relative standard error of pixels.",
+        ),
+    ] = 0.01,
+    paths: Annotated[int, typer.Option(metavar="N", help="Trace no more paths of each pixel than these.")] = 65536,
+    filter_: Annotated[
+        str,
+        typer.Option(
+            "--filter",
+            metavar="box|centre",
+            help="Rays go anywhere in a pixel, or through its centre, as chapters sample it.",
+        ),
+    ] = "box",
+    seed: Annotated[int, typer.Option(metavar="N", help="Number of the random sequence: others are other paths.")] = 0,
+    set_: Set = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Write .exr (nits, with error, number of paths and notes), .npy (nits alone) or .png (as shown, without "
+            "a tone curve).",
+            show_default=False,
+        ),
+    ] = None,
+    sums: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.npz",
+            help="Keep the sums of paths in this file in place of the cache, and go on with those that it has.",
+            show_default=False,
+        ),
+    ] = None,
+    no_cache: Annotated[
+        bool, typer.Option("--no-cache", help="Trace from the first path on, and keep no sums.")
+    ] = False,
+    verbose: Annotated[bool, typer.Option("-v", "--verbose", help="Show all notes on the scene.")] = False,
+) -> int:
+    """Trace the scene of a chapter by paths, with its camera and light, until the estimated error is small.
+
+    The path tracer is that of chapter 12. Sums of paths are kept: the same picture is there at once the next time, and a
+    smaller error goes on with further paths. Ctrl-C keeps them, too.
+    """
+    import chapters
+    from tools.reference import command
+    from tools.run import run as running
+
+    return command.run(
+        command.Request(
+            chapter=chapters.parse_chapter(chapter),
+            backend=backend,
+            scene=scene,
+            environment=environment,
+            ev100=ev,
+            size=running.parse_size(size),
+            camera=camera,
+            time=time,
+            error=error,
+            paths=paths,
+            filter=filter_,
+            seed=seed,
+            overrides=tuple(set_ or ()),
+            sums=sums,
+            cached=not no_cache,
+            out=out,
+            verbose=verbose,
+        )
+    )

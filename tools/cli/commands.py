@@ -10,7 +10,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from common.errors import UserError
 from tools.cli import assets
-from tools.cli.bench import bench
+from tools.cli.bench import bench, reference
 from tools.cli.bundle import bundle
 from tools.cli.console import say
 from tools.cli.diff import diff
@@ -407,6 +407,7 @@ def compare(
 
 
 app.command(cls=Command)(bench)
+app.command(cls=Command)(reference)
 app.command(cls=Command)(diff)
 app.command(cls=Command)(fork)
 app.command(name="next", cls=Command)(next_)

@@ -29,7 +29,8 @@ def prompt_stop(last_words: Callable[[], str] | None = None) -> Iterator[None]:
     """End the process `GRACE_S` after Ctrl-C, if what is done inside has not ended by itself until then.
 
     Files that were being written are removed; what is on the GPU goes with the process. `last_words` gives a sentence
-    that is said before such an end. Outside of the main thread, where no signal arrives, this does nothing.
+    that is said before such an end, or "", and may keep what is worth it before. Outside of the main thread, where no
+    signal arrives, this does nothing.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -55,9 +56,10 @@ def _watch(reader: socket.socket, over: threading.Event, last_words: Callable[[]
 
 
 def _end(last_words: Callable[[], str] | None) -> None:
+    words = "" if last_words is None else last_words()  # it may still finish a file
     remove_unfinished()
     err.show_cursor(True)  # a progress bar hides it
-    if last_words is not None:
-        say(last_words())
+    if words:
+        say(words)
     say("strata: stopped.")
     os._exit(STOPPED)

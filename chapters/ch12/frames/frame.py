@@ -13,7 +13,7 @@ SLOTS = 2
 """Frames in flight. With one slot, CPU and GPU would take turns; a third adds a frame of latency and no speed."""
 
 
-OUTPUTS = ("color", "color_linear", "depth", "instance_id", "motion")
+OUTPUTS = ("color", "color_linear", "depth", "instance_id", "motion", "path_sums", "path_squares")
 """The outputs that a frame can have."""
 
 SOURCES = {
@@ -22,6 +22,8 @@ SOURCES = {
     "depth": "depth",
     "instance_id": "instance_id",
     "motion": "motion",
+    "path_sums": "history_paths",
+    "path_squares": "history_squares",
 }
 """The target that each output is read from."""
 

@@ -1,0 +1,103 @@
+"""From a chapter's settings to those of the path tracer, and what the chapter leaves out by design."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import chapters
+from chapters import studies
+from common.errors import SettingError
+from common.scene import Scene
+from common.settings import apply_overrides, flat, knobs, preset, replaced
+
+TRACER = 12
+"""The chapter whose path tracer traces the references of all chapters."""
+
+OF_LIGHT = (
+    *("ambient", "default_light", "light_cutoff", "background", "sky", "aperture", "focus_distance"),
+    *("energy", "environment_intensity", "environment_turn", "environment_size"),
+    *("fog", "fog_density", "fog_height", "fog_falloff", "fog_albedo", "fog_anisotropy"),
+    *("fog_noise", "fog_noise_size", "fog_noise_period", "fog_wind"),
+)
+"""Knobs of chapters that say what light there is and what is seen of it: the path tracer takes them from the chapter."""
+
+OF_TABLES = ("environment_detail", "irradiance_source", "table_size", "table_samples")
+"""How exact the maps and tables are that paths look up; those of the preset `reference`."""
+
+OF_PATHS = ("path_bounces", "path_roulette", "path_strategy", "path_lights", "path_sequence", "ray_way")
+"""Knobs of the path tracer that --set turns for every chapter."""
+
+OPTIONS = {
+    "path_error": "--error",
+    "path_limit": "--paths",
+    "path_filter": "--filter",
+    "path_seed": "--seed",
+}
+"""Knobs of the path tracer that have an option of their own."""
+
+BY_ITSELF = ("path_tracer", "path_samples", "path_average", "path_first")
+"""Knobs of the path tracer that follow from how sums are merged."""
+
+
+def keyed(name: str) -> bool:
+    """Whether the sums of paths depend on a knob of the path tracer's chapter."""
+    return name in (*OF_LIGHT, *OF_TABLES, *OF_PATHS, "path_filter", "path_seed")
+
+
+def chapter_settings(which: chapters.Whole, overrides: Iterable[str] = ()) -> tuple[Any, tuple[str, ...]]:
+    """Return a chapter's settings after texts "key=value", and those texts that are for the path tracer.
+
+    Raises SettingError for a knob that is wrong, or that nothing traced depends on.
+    """
+    kind = chapters.settings_class(which)
+    own, of_paths = [], []
+    for text in overrides:
+        name = text.partition("=")[0].strip().replace("-", "_")
+        if name in OPTIONS:
+            raise SettingError(f"setting {name} is given by {OPTIONS[name]}: leave it out of --set.")
+        if name in BY_ITSELF:
+            raise SettingError(f"setting {name} is the command's own: leave it out of --set.")
+        if name not in OF_PATHS and name not in OF_LIGHT and name in knobs(kind):
+            raise SettingError(
+                f"setting {name} changes how {studies.spoken(which)} draws, and nothing that paths find: leave it out."
+            )
+        (of_paths if name in OF_PATHS else own).append(text)
+    return apply_overrides(preset(kind, "reference"), own), tuple(of_paths)
+
+
+def tracer_settings(settings: Any, filter: str, seed: int, overrides: Iterable[str] = ()) -> Any:
+    """Return the settings of the path tracer for a chapter's `settings`; `overrides` are texts for OF_PATHS.
+
+    Raises SettingError for a value that a knob does not take.
+    """
+    kind = chapters.settings_class(TRACER)
+    chosen = apply_overrides(preset(kind, "reference"), overrides)
+    of_light = {name: value for name, value in flat(settings).items() if name in OF_LIGHT}
+    return replaced(
+        chosen,
+        **of_light,
+        path_tracer=True,
+        path_average=False,
+        path_filter=filter,
+        path_seed=seed,
+        loading="wait",
+    )
+
+
+def differences(which: chapters.Whole, settings: Any, scene: Scene) -> str:
+    """Return a sentence on what is in a reference and, by design, not in the chapter's picture; "" if all is."""
+    values = flat(settings)
+    if values.get("path_tracer"):
+        return ""
+    missing = []
+    if values.get("shadows", "off") == "off" and values.get("rays", "off") != "whole":
+        missing.append("no shadows")
+    missing.append("no light that one surface sends to another")
+    if scene.environment is not None:
+        missing.append("no shadows of the environment's light")
+    if scene.medium is not None and "fog" not in values:
+        missing.append("no fog")
+    text = " and ".join([*([", ".join(missing[:-1])] if missing[1:] else []), missing[-1]])
+    spoken = studies.spoken(which)
+    return f"{spoken[:1].upper()}{spoken[1:]} draws by design {text}: the reference has them."
