@@ -27,6 +27,7 @@ from common.paths import ROOT, temporary_folder
 from common.reports.benches import Effort
 from common.reports.tables import table
 from tools.bench import bench
+from tools.bench import truth as bench_truth
 from tools.bench.lessons.parts import PARTS, parts_of
 from tools.bench.points import FULL
 from tools.bench.report import show
@@ -59,15 +60,21 @@ def run(
     json_path: Path | None = None,
     record: bool = False,
     only: Sequence[str] = (),
+    truth: str = bench_truth.OWN,
+    plot_path: Path | None = None,
 ) -> int:
     """Measure every chapter, and return the exit code: 1 if one of them failed.
 
     `backend` "auto" means each that is here, but with `record` the one that draws best: records are kept by class of
-    device. `only` names the PARTS to measure; chapters without any of them are left out. Raises UserError for a wrong
-    argument, UnsupportedError where nothing can be measured, before anything is.
+    device. `only` names the PARTS to measure; chapters without any of them are left out. `truth` is what pictures
+    are held to; with a traced one `plot_path` gets the presets of all chapters. Raises UserError for a wrong argument,
+    UnsupportedError where nothing can be measured, before anything is.
     """
-    bench.check_paths(json_path)
+    bench_truth.check(truth, record)
+    bench.check_plot(plot_path)
+    bench.check_paths(json_path, plot_path)
     bench.check_record(record, quick, only)
+    only = only or bench.judged_parts(truth)
     scenes.find(scene)
     path = Path(scene)  # a bench has another folder than the one this was typed in
     found_at = str(path.absolute()) if path.is_file() else scene
@@ -85,6 +92,7 @@ def run(
                 "size": size,
                 "quick": quick,
                 "parts": parts,
+                "truth": truth,
             }
             made = one(asked)
             rows.append((number, api, made, clock.perf_counter() - began))
@@ -106,11 +114,14 @@ def run(
         print(json.dumps(found, indent=1))
     elif json_path is not None:
         bench.write_record(json_path, found)
+    if plot_path is not None:
+        bench_truth.plot_all(plot_path, records)
     to = err if json_path == STDOUT else out
     for made in records if only else ():
         show(made, to)
     show_rows(rows, size, to)
-    for written in (*kept, *([json_path] if json_path not in (None, STDOUT) else [])):
+    written_to = (path for path in (json_path, plot_path) if path not in (None, STDOUT))
+    for written in (*kept, *written_to):
         say(f"Wrote {written}")
     for number, api, why in failed:
         say(f"strata: The bench of chapter {number} on {NAMES[api]} failed: {why}")
@@ -226,11 +237,10 @@ def show_rows(
     to.print(shown)
     for api, device in devices.items():
         to.print(f"{NAMES[api]}: {device}", soft_wrap=True, markup=False)
-    to.print(
-        "FLIP is against the preset reference with more samples a pixel; changes are the pixels that the worst case "
-        "of stability changes.",
-        soft_wrap=True,
-    )
+    traced = first is not None and "truth" in first["reference"]
+    against = "light traced by paths" if traced else "the preset reference with more samples a pixel"
+    changes = "" if traced else "; changes are the pixels that the worst case of stability changes"
+    to.print(f"FLIP is against {against}{changes}.", soft_wrap=True)
 
 
 def _cells(made: dict[str, Any]) -> list[str]:

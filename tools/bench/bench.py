@@ -26,6 +26,7 @@ from tools.bench import prepared as bench_prepared
 from tools.bench import prepass, scale, start
 from tools.bench import readback as bench_readback
 from tools.bench import threads as bench_threads
+from tools.bench import truth as bench_truth
 from tools.bench.lessons import bench
 from tools.bench.lessons import loads as bench_loads
 from tools.bench.lessons.parts import DRAWN, FOG, HISTORY, PARTS, RATES, SHADOWS, TRACING, parts_of
@@ -52,20 +53,21 @@ def run(
     plot_path: Path | None = None,
     record: bool = False,
     only: Sequence[str] = (),
+    truth: str = bench_truth.OWN,
 ) -> int:
     """Measure a chapter or a fork and say what came out; return the exit code.
 
     `json_path` and `plot_path` get the record and its plot; `record` keeps both in `docs/benchmarks` too, among those
-    of the device. `only` names the PARTS that are measured, all by default. Raises UserError for a wrong argument,
-    before anything is measured.
+    of the device. `only` names the PARTS that are measured, all by default. `truth` is what pictures of settings are
+    held to. Raises UserError for a wrong argument, before anything is measured.
     """
     api = chapters.choose_backend(backend)
-    parts = parts_of(which, api, only)
+    bench_truth.check(truth, record)
+    parts = parts_of(which, api, only or judged_parts(truth))
     check_paths(json_path, plot_path)
     if json_path is not None and plot_path is not None and json_path.absolute() == plot_path.absolute():
         raise UserError(f"--json and --plot both name {json_path}: the record and the plot are two files.")
-    if plot_path is not None and plot_path.suffix.lower() not in PLOTS:
-        raise UserError(f"--plot {plot_path}: write one of {', '.join(PLOTS)}.")
+    check_plot(plot_path)
     check_record(record, quick, only)
     if record and not isinstance(which, int):
         raise UserError(
@@ -73,11 +75,9 @@ def run(
         )
     if plot_path is not None and not DRAWN.intersection(parts):
         raise UserError(f"--plot {plot_path}: of {' and '.join(parts)} there is nothing to draw.")
-    if plot_path is not None and not can_plot():
-        raise UserError("--plot needs the package matplotlib: run `pip install matplotlib`, or leave it out.")
     with Steps() as steps:
         effort = bench_points.QUICK if quick else bench_points.FULL
-        made = measure(which, backend, scene, size, effort, steps, parts)
+        made = measure(which, backend, scene, size, effort, steps, parts, truth)
     made["quick"] = quick
     if record:
         for written in keep(made):
@@ -96,11 +96,26 @@ def run(
     return 0
 
 
+def judged_parts(truth: str) -> Sequence[str]:
+    """Return the parts that are measured by default where pictures are held to a truth; all where it is their own."""
+    return () if truth == bench_truth.OWN else ("settings",)
+
+
 def check_paths(*paths: Path | None) -> None:
     """Raise UserError for a file that cannot be written, since its folder is not there."""
     for path in paths:
         if path is not None and (path.is_dir() or not path.absolute().parent.is_dir()):
             raise UserError(f"{path} cannot be written: name a file in a folder that exists.")
+
+
+def check_plot(path: Path | None) -> None:
+    """Raise UserError for a plot that cannot be drawn, or that has no format."""
+    if path is None:
+        return
+    if path.suffix.lower() not in PLOTS:
+        raise UserError(f"--plot {path}: write one of {', '.join(PLOTS)}.")
+    if not can_plot():
+        raise UserError("--plot needs the package matplotlib: run `pip install matplotlib`, or leave it out.")
 
 
 def check_record(record: bool, quick: bool, only: Sequence[str]) -> None:
@@ -178,6 +193,7 @@ def measure(
     effort: Effort,
     steps: Steps,
     parts: Collection[str] = tuple(PARTS),
+    truth: str = bench_truth.OWN,
 ) -> dict[str, Any]:
     """Return the record of one bench of `parts`."""
     steps("load", 0.0)
@@ -189,6 +205,7 @@ def measure(
         return lambda name, part: steps(f"{what} {name}".strip(), begin + (end - begin) * part)
 
     starts, found, prepared, grown, pipelines, threads, cases = {}, [], [], [], None, None, []
+    facts: dict[str, Any] = {"preset": "reference", "samples_per_pixel": effort.samples**2}
     loads: list[dict[str, Any]] = []
     readback: dict[str, Any] | None = None
     framed: dict[str, Any] = {}
@@ -204,7 +221,8 @@ def measure(
         capabilities = device.capabilities
         subject = Subject(which, backend, loaded, size, device)
         if "settings" in parts:
-            found = bench_points.sweep(subject, effort, within(0.25, 0.4))
+            found, held_to = bench_points.sweep(subject, effort, within(0.25, 0.4), truth)
+            facts = held_to.facts
         if "prepared" in parts:
             prepared = bench_prepared.sweeps(subject, effort, within(0.4, 0.6, "prepare"))
         if "scales" in parts:
@@ -283,7 +301,7 @@ def measure(
         "cache_state": f"shaders and driver warm, {effort.warm_up} frames before each round",
         "frames": effort.frames,
         "rounds": effort.rounds,
-        "reference": {"preset": "reference", "samples_per_pixel": effort.samples**2},
+        "reference": facts,
         "points": points,
         "prepared": prepared,
         "start_s": starts,

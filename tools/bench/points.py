@@ -1,7 +1,8 @@
 """What a bench measures: the settings of a chapter, each with its time, its error and its work.
 
 Error is against the `reference` preset drawn with several samples a pixel along each axis and averaged: no setting is
-its own truth, and what all of them lack (here: more than one sample a pixel) counts for all of them.
+its own truth, and what all of them lack (here: more than one sample a pixel) counts for all of them. Or it is against
+light that the path tracer finds (truth.py).
 """
 
 from __future__ import annotations
@@ -21,10 +22,11 @@ import chapters
 from backends.contract import Frame, Renderer
 from chapters import scenes, studies
 from common.images.color import decode_srgb, encode_srgb
-from common.reports.benches import Effort, errors, middle
+from common.reports.benches import Effort, middle
 from common.scene import Scene, stability
 from common.settings import Knob, flat, knobs, preset, replaced
 from common.view.camera import View
+from tools.bench.truth import OWN, Truth, truth_of
 
 Array = np.ndarray
 
@@ -259,21 +261,25 @@ def forward_path(settings: Any) -> Any:
     return replaced(settings, graph="forward") if "graph" in knobs(settings) else settings
 
 
-def sweep(subject: Subject, effort: Effort, step: Callable[[str, float], None]) -> list[Point]:
-    """Measure every point. Rounds go through all of them in turn, so that a busy minute hits no point alone."""
+def sweep(
+    subject: Subject, effort: Effort, step: Callable[[str, float], None], wanted: str = OWN
+) -> tuple[list[Point], Truth]:
+    """Measure every point; return them, and what they are held to.
+
+    Rounds go through all of them in turn, so that a busy minute hits no point alone.
+    """
     settings_class = chapters.settings_class(subject.chapter)
     found = [point for point in points(settings_class) if effort.everything or point.kind == "preset"]
-    step("reference", 0.0)
-    truth = subject.pictures(preset(settings_class, "reference"), effort.samples)
+    truth = truth_of(subject, wanted, effort, step)
     for number, point in enumerate(found):
         step(f"error of {point.name}", 0.1 + 0.3 * number / len(found))
-        point.error = errors(subject.pictures(point.settings), truth)
+        point.error = truth.errors(subject.pictures(point.settings))
     for turn in range(effort.rounds):
         for number, point in enumerate(found):
             step(f"time of {point.name}", 0.4 + 0.6 * (turn + number / len(found)) / effort.rounds)
             frames, point.work = subject.measure(point.settings, effort)
             point.rounds.append(frames)
-    return found
+    return found, truth
 
 
 def stability_cases(subject: Subject, effort: Effort) -> list[dict[str, Any]]:

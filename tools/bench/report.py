@@ -16,7 +16,7 @@ from common.errors import UserError
 from common.images.small_pictures import encode_small
 from common.paths import write_whole
 from common.reports.tables import table
-from tools.bench import pipelines, prepass, readback, scale, threads
+from tools.bench import pipelines, prepass, readback, scale, threads, truth
 from tools.bench import points as bench_points
 from tools.bench.lessons import bench
 from tools.cli.console import out
@@ -63,8 +63,7 @@ def show(made: dict[str, Any], to: Console = out) -> None:
     where = f"{made['scene']['name']}, {width}x{height}, {made['device']['name']}"
     name = f"Fork {Path(made['fork']).name}" if "fork" in made else f"Chapter {made['chapter']}"
     if made["points"] or made["prepared"]:
-        spp = made["reference"]["samples_per_pixel"]
-        to.print(f"Errors are against the reference at {spp} samples a pixel.")
+        to.print(truth.sentence(made["reference"]), soft_wrap=True, markup=False)
     else:
         to.print(f"{name}: {made['device']['name']}")
     if made["points"]:
@@ -197,10 +196,9 @@ def _write_png(path: Path, figure: Any) -> None:
 def _plot_settings(made: dict[str, Any], figure: Any, cell: Any) -> None:
     axes = figure.add_subplot(cell)
     width, height = made["size"]
-    spp = made["reference"]["samples_per_pixel"]
     _plot_points(axes, made["points"])
     axes.set_xlabel(f"GPU time, ms a frame at {width}x{height}")
-    axes.set_ylabel(f"{axes.get_ylabel()} against the reference at {spp} samples a pixel")
+    axes.set_ylabel(f"{axes.get_ylabel()} {truth.axis(made['reference'])}")
     axes.set_title(f"{made['scene']['name']}, {made['device']['name']}", fontsize=10)
 
 

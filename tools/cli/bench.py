@@ -63,6 +63,14 @@ def bench(
             show_default=False,
         ),
     ] = None,
+    truth: Annotated[
+        str,
+        typer.Option(
+            metavar="own|path-tracer|path-tracer-centre",
+            help="Hold pictures to the chapter's own reference, or to light traced by paths: anywhere in a pixel, or "
+            "through its centre, as chapters sample it. With --all and --plot, one plot of all chapters.",
+        ),
+    ] = "own",
 ) -> int:
     """Measure time, error and work of a chapter's presets and knobs, and what grows with the scene."""
     given = {
@@ -80,7 +88,11 @@ def bench(
 
         return bench_compare.run(*compare, json_path=json_, only=tuple(only or ()))
     if all_:
-        refuse(given & {"--plot"}, chapter, "--all measures every chapter, and a plot is of one")
+        refuse(
+            given & {"--plot"} if truth == "own" else set(),
+            chapter,
+            "--all measures every chapter, and a plot is of one but for --truth path-tracer",
+        )
     elif chapter is None:
         raise UserError(
             "Name the chapter to measure, as `strata bench 1`, or all of them: `strata bench --all --quick`."
@@ -90,7 +102,7 @@ def bench(
     from tools.run import run as running
 
     options: dict[str, Any] = {"backend": backend, "scene": scene, "quick": quick, "record": record}
-    options |= {"json_path": json_, "only": tuple(only or ())}
+    options |= {"json_path": json_, "only": tuple(only or ()), "plot_path": plot, "truth": truth}
     if chapter is None:
         from tools.bench import all_chapters
 
@@ -98,9 +110,7 @@ def bench(
         return all_chapters.run(size=wanted, **options)
     from tools.bench import bench as measuring
 
-    return measuring.run(
-        chapters.parse_chapter(chapter), size=running.parse_size(size), plot_path=plot, **options
-    )
+    return measuring.run(chapters.parse_chapter(chapter), size=running.parse_size(size), **options)
 
 
 def refuse(options: set[str], chapter: str | None, why: str) -> None:
@@ -130,7 +140,9 @@ def reference(
             "relative standard error of pixels.",
         ),
     ] = 0.01,
-    paths: Annotated[int, typer.Option(metavar="N", help="Trace no more paths of each pixel than these.")] = 65536,
+    paths: Annotated[
+        int, typer.Option(metavar="N", help="Trace no more paths of each pixel than these.")
+    ] = 65536,
     filter_: Annotated[
         str,
         typer.Option(
@@ -139,7 +151,9 @@ def reference(
             help="Rays go anywhere in a pixel, or through its centre, as chapters sample it.",
         ),
     ] = "box",
-    seed: Annotated[int, typer.Option(metavar="N", help="Number of the random sequence: others are other paths.")] = 0,
+    seed: Annotated[
+        int, typer.Option(metavar="N", help="Number of the random sequence: others are other paths.")
+    ] = 0,
     set_: Set = None,
     out: Annotated[
         Path | None,
