@@ -60,7 +60,7 @@ def chapter_settings(which: chapters.Whole, overrides: Iterable[str] = ()) -> tu
             raise SettingError(f"setting {name} is the command's own: leave it out of --set.")
         if name not in OF_PATHS and name not in OF_LIGHT and name in knobs(kind):
             raise SettingError(
-                f"setting {name} changes how {studies.spoken(which)} draws, and nothing that paths find: leave it out."
+                f"{studies.spoken(which)} draws otherwise with setting {name}, and paths find the same light: leave it out."
             )
         (of_paths if name in OF_PATHS else own).append(text)
     return apply_overrides(preset(kind, "reference"), own), tuple(of_paths)
