@@ -20,7 +20,7 @@ from common.settings import preset, replaced
 from tests.support.path_scenes import ABOVE, floor_under
 from tests.support.scenes import quad_scene
 from tools.reference import settings, tracing
-from tools.reference.sums import read_sums, write_sums
+from tools.reference.sums import Sums, read_sums, write_sums
 
 pytestmark = pytest.mark.feature("path-tracer/accumulation")
 
@@ -60,7 +60,7 @@ def interrupted(monkeypatch, after):
 
 
 def one_by_one(monkeypatch, count):
-    """Have the opened path tracer first sum single paths on the GPU: return a list that gets its last frame's figures."""
+    """Have the opened path tracer first sum single paths on the GPU; return a list for the last frame's figures."""
     trace, figures = tracing._trace, []
 
     def traced(renderer, task, *rest):
@@ -122,7 +122,7 @@ def test_sums_go_on_bit_for_bit_and_what_is_kept_is_not_traced_again(strata, kep
         code, out, err = strata(*words, "--paths", 100, "--out", "a.npy")
     assert (code, out) == (130, "")
     assert err.splitlines()[-2:] == [
-        "strata: 20 paths a pixel are traced and kept: the same command goes on with them.",
+        "strata: 20 paths a pixel traced and kept: the same command goes on with them.",
         "strata: stopped.",
     ]
     assert not (tmp_path / "a.npy").exists()
@@ -154,7 +154,7 @@ def test_sums_go_on_bit_for_bit_and_what_is_kept_is_not_traced_again(strata, kep
 def test_the_error_is_the_one_asked_for(kept):
     """Another seed with many paths is the truth of the picture; a smaller error goes on."""
     scene = scenes.load("cornell")
-    truth, _ = tracing.reference(1, scene, None, SIZE, 0.0, paths=1024, seed=1, cached=False)
+    truth, _ = tracing.reference(1, scene, None, SIZE, 0.0, paths=768, seed=1, cached=False)
     first, estimated = tracing.reference(1, scene, None, SIZE, 0.12)
     better, smaller = tracing.reference(1, scene, None, SIZE, 0.06)
     assert 0.1 < estimated <= 0.12 and 0.05 < smaller <= 0.06
@@ -177,7 +177,9 @@ def test_light_that_is_no_number_is_counted_and_never_written(kept, strata, monk
     tracing.trace(task, keeper, 0.0, 16)
     assert keeper.sums.left_out > 0 and np.isfinite(keeper.sums.picture).all()
     assert keeper.sums.light[..., 3].sum() == 16 * 16 * 12 - keeper.sums.left_out
-    code, out, err = strata("reference", 1, "--size", "16x12", "--paths", 4, "--out", "a.npy", "--set", "path_bounces=1")
+    code, _, err = strata(
+        "reference", 1, "--size", "16x12", "--paths", 4, "--out", "a.npy", "--set", "path_bounces=1"
+    )
     assert code == 0 and "of 768 paths had light that is no number, and are left out" in err
 
 
@@ -198,7 +200,7 @@ def full(monkeypatch, folder):
 
 def test_a_full_disk_is_said_once_and_the_picture_is_written(strata, kept, tmp_path, monkeypatch):
     full(monkeypatch, kept)
-    code, out, err = strata("reference", 1, *SMALL, "--error", 0, "--paths", 16, "--out", "a.npy")
+    code, _, err = strata("reference", 1, *SMALL, "--error", 0, "--paths", 16, "--out", "a.npy")
     assert code == 0 and np.load(tmp_path / "a.npy").any()
     assert err.count("No space left on device") == 1 and "sums stay in memory" in err
     assert err.count("sums of paths are not kept") == 1
@@ -211,10 +213,10 @@ def test_sums_of_an_interrupted_run_go_beside_the_picture_where_the_cache_is_ful
     with monkeypatch.context() as patched:
         full(patched, kept)
         interrupted(patched, 10)
-        code, out, err = strata(*words)
-    assert code == 130 and "10 paths a pixel are traced and kept in a.npy.npz: --sums a.npy.npz goes on" in err
+        code, _, err = strata(*words)
+    assert code == 130 and "10 paths a pixel traced and kept in a.npy.npz: --sums a.npy.npz goes on" in err
     assert [path.name for path in tmp_path.iterdir()] == ["a.npy.npz"]
-    code, out, err = strata(*words, "--sums", "a.npy.npz")
+    code, _, err = strata(*words, "--sums", "a.npy.npz")
     assert code == 0 and "24 paths a pixel, 10 of them traced before" in err
     assert not [*kept.iterdir()]
     with np.load(tmp_path / "a.npy.npz") as file:
@@ -228,7 +230,7 @@ def test_a_picture_that_cannot_be_written_leaves_its_sums(strata, kept, tmp_path
     from tools.reference import command
 
     monkeypatch.setattr(command, "write_whole", write_whole)
-    code, out, err = strata("reference", 1, *SMALL, "--error", 0, "--paths", 2, "--out", "a.npy")
+    code, _, err = strata("reference", 1, *SMALL, "--error", 0, "--paths", 2, "--out", "a.npy")
     [path] = kept.iterdir()
     assert code == 2
     assert err.splitlines()[-1] == (
@@ -270,12 +272,15 @@ def test_a_picture_that_cannot_be_written_leaves_its_sums(strata, kept, tmp_path
         (("1", "--sums", "x/a.npz"), "--sums x/a.npz cannot be written"),
         (("1", "--sums", "a.npz", "--no-cache"), "--sums keeps what --no-cache forgets"),
         (("1", *SMALL, "--sums", "damaged.npz"), "damaged.npz holds no sums of paths"),
-        (("1", *SMALL, "--sums", "foreign.npz"), "foreign.npz holds the sums of another picture (of another scene"),
+        (
+            ("1", *SMALL, "--sums", "foreign.npz"),
+            "foreign.npz holds the sums of another picture (of another scene",
+        ),
     ],
 )
 def test_bad_input_is_one_sentence_and_leaves_nothing(strata, tmp_path, words, says):
     (tmp_path / "damaged.npz").write_bytes(b"no sums")
-    write_sums(tmp_path / "foreign.npz", tracing.Sums.none_of(SIZE), {"scene": "another"})
+    write_sums(tmp_path / "foreign.npz", Sums.none_of(SIZE), {"scene": "another"})
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     words = (*words, "--out", "a.png") if words and "--out" not in words else words
     code, out, err = strata("reference", *words)
@@ -288,7 +293,8 @@ def test_sums_of_another_scene_are_refused_from_python_too(kept, tmp_path):
     own, _ = settings.chapter_settings(1)
     chosen = settings.tracer_settings(own, "box", 0)
     tasks = [
-        tracing.task_of(chosen, scenes.load(name), None, SIZE, 0.0, "vulkan") for name in ("cornell", "spheres")
+        tracing.task_of(chosen, scenes.load(name), None, SIZE, 0.0, "vulkan")
+        for name in ("cornell", "spheres")
     ]
     keeper = tracing.Keeper(tmp_path / "a.npz", tasks[0].facts(), SIZE, named=True)
     one = np.ones((12, 16, 4), np.float32)
@@ -300,7 +306,7 @@ def test_sums_of_another_scene_are_refused_from_python_too(kept, tmp_path):
 
 
 def test_the_help_names_the_command_and_its_options(strata):
-    code, out, err = strata("reference", "--help")
+    code, out, _ = strata("reference", "--help")
     assert code == 0
     for word in ("--error", "--paths", "--filter", "--seed", "--sums", "--no-cache", "chapter 12"):
         assert word in out

@@ -130,7 +130,9 @@ def reference(
             "relative standard error of pixels.",
         ),
     ] = 0.01,
-    paths: Annotated[int, typer.Option(metavar="N", help="Trace no more paths of each pixel than these.")] = 65536,
+    paths: Annotated[
+        int, typer.Option(metavar="N", help="Trace no more paths of each pixel than these.")
+    ] = 65536,
     filter_: Annotated[
         str,
         typer.Option(
@@ -139,14 +141,16 @@ def reference(
             help="Rays go anywhere in a pixel, or through its centre, as chapters sample it.",
         ),
     ] = "box",
-    seed: Annotated[int, typer.Option(metavar="N", help="Number of the random sequence: others are other paths.")] = 0,
+    seed: Annotated[
+        int, typer.Option(metavar="N", help="Number of the random sequence: others are other paths.")
+    ] = 0,
     set_: Set = None,
     out: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Write .exr (nits, with error, number of paths and notes), .npy (nits alone) or .png (as shown, without "
-            "a tone curve).",
+            help="Write .exr (nits, with error, number of paths and notes), .npy (nits alone) or .png (as shown, "
+            "without a tone curve).",
             show_default=False,
         ),
     ] = None,
@@ -165,8 +169,8 @@ def reference(
 ) -> int:
     """Trace the scene of a chapter by paths, with its camera and light, until the estimated error is small.
 
-    The path tracer is that of chapter 12. Sums of paths are kept: the same picture is there at once the next time, and a
-    smaller error goes on with further paths. Ctrl-C keeps them, too.
+    The path tracer is that of chapter 12. Sums of paths are kept: the same picture is there at once the next time, and
+    a smaller error goes on with further paths. Ctrl-C keeps them, too.
     """
     import chapters
     from tools.reference import command
