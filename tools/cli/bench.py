@@ -159,8 +159,8 @@ def reference(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Write .exr (nits, with error, number of paths and notes), .npy (nits alone) or .png (as shown, without "
-            "a tone curve).",
+            help="Write .exr (nits, with error, number of paths and notes), .npy (nits alone) or .png (as shown, "
+            "without a tone curve).",
             show_default=False,
         ),
     ] = None,
@@ -179,8 +179,8 @@ def reference(
 ) -> int:
     """Trace the scene of a chapter by paths, with its camera and light, until the estimated error is small.
 
-    The path tracer is that of chapter 12. Sums of paths are kept: the same picture is there at once the next time, and a
-    smaller error goes on with further paths. Ctrl-C keeps them, too.
+    The path tracer is that of chapter 12. Sums of paths are kept: the same picture is there at once the next time, and
+    a smaller error goes on with further paths. Ctrl-C keeps them, too.
     """
     import chapters
     from tools.reference import command

@@ -59,7 +59,8 @@ def run(request: Request) -> int:
     own, of_paths = _check(request, drawn, target)
     settings = tracer_settings(own, request.filter, request.seed, of_paths)
     with Steps() as steps:
-        scene = scenes.load(request.scene, steps.of("load", 0.0, 0.1), request.environment)
+        load: Any = steps.of("load", 0.0, 0.1)
+        scene = scenes.load(request.scene, load, request.environment)
         running.expose(scene, drawn)
         running.tell_warnings(scene, request.verbose)
         steps("read what is traced already", 0.1)
@@ -117,7 +118,7 @@ def _check(request: Request, drawn: running.Request, target: Path) -> tuple[Any,
 
 
 def _keeper(request: Request, task: Task) -> Keeper:
-    """Return the sums that are there, of --sums or of the cache. Raises UserError for a file of --sums that is wrong."""
+    """Return the sums that are there, of --sums or of the cache. Raises UserError for a wrong file of --sums."""
     facts = task.facts()
     if request.sums is not None:
         return Keeper(request.sums, facts, request.size, named=True)
@@ -135,7 +136,7 @@ def _traced(request: Request, task: Task, keeper: Keeper, target: Path, steps: S
         if told or not keeper.sums.paths:
             return ""
         told = True
-        paths = f"strata: {keeper.sums.paths} paths a pixel are traced"
+        paths = f"strata: {_counted(keeper.sums.paths)} traced"
         if kept and request.sums is None:
             return f"{paths} and kept: the same command goes on with them."
         if kept:
@@ -151,7 +152,9 @@ def _traced(request: Request, task: Task, keeper: Keeper, target: Path, steps: S
         nonlocal said
         if keeper.problem and keeper.problem != said:
             said = keeper.problem
-            say(f"strata: {keeper.path} cannot be written ({said}): tracing goes on, and sums stay in memory.")
+            say(
+                f"strata: {keeper.path} cannot be written ({said}): tracing goes on, and sums stay in memory."
+            )
         advance(part, detail)
 
     advance: Any = steps.of("trace", begin, 0.98)
@@ -168,9 +171,9 @@ def _traced(request: Request, task: Task, keeper: Keeper, target: Path, steps: S
 def write(path: Path, task: Task, keeper: Keeper, notes: dict[str, Any]) -> None:
     """Write a reference in the format of its suffix. Raises UserError.
 
-    .exr has light in nits, the estimated relative errors of pixels and the numbers of their paths as layers `error` and
-    `paths`, and `notes` as attributes of its header. .png has what a screen shows at the view's exposure, without a tone
-    curve, and notes as texts; .npy has light alone.
+    .exr has light in nits, the estimated relative errors of pixels and the numbers of their paths as layers `error`
+    and `paths`, and `notes` as attributes of its header. .png has what a screen shows at the view's exposure, without
+    a tone curve, and notes as texts; .npy has light alone.
     """
     sums, suffix = keeper.sums, path.suffix.lower()
     picture = sums.picture
@@ -221,10 +224,12 @@ def _tell(request: Request, keeper: Keeper, before: int, error: float, target: P
     """Say what was written, of how many paths, and what is to be known about it."""
     sums = keeper.sums
     width, height = request.size
-    what = f"{studies.spoken(request.chapter)}, {request.scene}, {width}x{height}, {' and '.join(sums.devices)}"
+    what = (
+        f"{studies.spoken(request.chapter)}, {request.scene}, {width}x{height}, {' and '.join(sums.devices)}"
+    )
     new = sums.paths - before
     old = f", {before} of them traced before" if new and before else "" if new else ", all traced before"
-    say(f"{what}: {sums.paths} paths a pixel{old}, estimated error {error:.3g}: wrote {target}")
+    say(f"{what}: {_counted(sums.paths)}{old}, estimated error {error:.3g}: wrote {target}")
     if error > request.error:
         say(
             f"strata: the estimated error is not yet {request.error:g}: --paths {request.paths} allows no more; "
@@ -237,6 +242,10 @@ def _tell(request: Request, keeper: Keeper, before: int, error: float, target: P
         )
     if not keeper.is_kept and (request.cached or request.sums):
         say(f"strata: sums of paths are not kept, since {keeper.path or 'the cache'} cannot be written.")
+
+
+def _counted(paths: int) -> str:
+    return "1 path a pixel" if paths == 1 else f"{paths} paths a pixel"
 
 
 def _where(keeper: Keeper) -> str:

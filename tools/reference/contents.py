@@ -19,7 +19,18 @@ from common.settings import flat
 from common.view.camera import View
 from tools.reference.settings import TRACER, keyed
 
-UNSEEN = {"name", "names", "mesh_names", "path", "cameras", "extras", "edited", "warnings", "revision", "ev100"}
+UNSEEN = {
+    "name",
+    "names",
+    "mesh_names",
+    "path",
+    "cameras",
+    "extras",
+    "edited",
+    "warnings",
+    "revision",
+    "ev100",
+}
 """Fields of a scene and its parts that no path depends on; the view has the exposure."""
 
 INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"', re.MULTILINE)

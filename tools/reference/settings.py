@@ -20,7 +20,7 @@ OF_LIGHT = (
     *("fog", "fog_density", "fog_height", "fog_falloff", "fog_albedo", "fog_anisotropy"),
     *("fog_noise", "fog_noise_size", "fog_noise_period", "fog_wind"),
 )
-"""Knobs of chapters that say what light there is and what is seen of it: the path tracer takes them from the chapter."""
+"""Knobs that say what light there is and what is seen of it: the path tracer has them as the chapter has."""
 
 OF_TABLES = ("environment_detail", "irradiance_source", "table_size", "table_samples")
 """How exact the maps and tables are that paths look up; those of the preset `reference`."""
@@ -51,7 +51,8 @@ def chapter_settings(which: chapters.Whole, overrides: Iterable[str] = ()) -> tu
     Raises SettingError for a knob that is wrong, or that nothing traced depends on.
     """
     kind = chapters.settings_class(which)
-    own, of_paths = [], []
+    own: list[str] = []
+    of_paths: list[str] = []
     for text in overrides:
         name = text.partition("=")[0].strip().replace("-", "_")
         if name in OPTIONS:
@@ -60,7 +61,8 @@ def chapter_settings(which: chapters.Whole, overrides: Iterable[str] = ()) -> tu
             raise SettingError(f"setting {name} is the command's own: leave it out of --set.")
         if name not in OF_PATHS and name not in OF_LIGHT and name in knobs(kind):
             raise SettingError(
-                f"setting {name} changes how {studies.spoken(which)} draws, and nothing that paths find: leave it out."
+                f"{studies.spoken(which)} draws otherwise with setting {name}, and paths find the same light: "
+                "leave it out."
             )
         (of_paths if name in OF_PATHS else own).append(text)
     return apply_overrides(preset(kind, "reference"), own), tuple(of_paths)
@@ -72,7 +74,7 @@ def tracer_settings(settings: Any, filter: str, seed: int, overrides: Iterable[s
     Raises SettingError for a value that a knob does not take.
     """
     kind = chapters.settings_class(TRACER)
-    chosen = apply_overrides(preset(kind, "reference"), overrides)
+    chosen: Any = apply_overrides(preset(kind, "reference"), overrides)
     of_light = {name: value for name, value in flat(settings).items() if name in OF_LIGHT}
     return replaced(
         chosen,

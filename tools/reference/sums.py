@@ -1,9 +1,9 @@
 """Sums of the light of paths: what a reference is the mean of, merged in order and kept in a file.
 
-A block of paths is summed on the GPU in 32 bits, and blocks are added here in 64 bits, in the order of their paths. Which
-paths form a block follows from the number before it and from the size of the picture alone. So the sums of a run that
-was interrupted and went on are those of one that was not, bit for bit, and they never stop growing, as 32 bits would
-after 2^24 equal paths.
+A block of paths is summed on the GPU in 32 bits, and blocks are added here in 64 bits, in the order of their paths.
+Which paths form a block follows from the number before it and from the size of the picture alone. So the sums of a run
+that was interrupted and went on are those of one that was not, bit for bit, on the same device and driver. They never
+stop growing, as 32 bits would after 2^24 equal paths.
 """
 
 from __future__ import annotations
@@ -52,8 +52,8 @@ class Sums:
     """Sums over the first `paths` paths of each pixel; they never change, each block gives new ones.
 
     `light` (H, W, 4) float64 are red, green and blue in nits, and the number of paths that have them; `squares`
-    (H, W, 2) float64 are squared luminances, and the number of paths whose light was no number. `devices` are those that
-    traced, by name.
+    (H, W, 2) float64 are squared luminances, and the number of paths whose light was no number. `devices` are those
+    that traced, by name.
     """
 
     light: Float64
@@ -65,7 +65,8 @@ class Sums:
     def none_of(cls, size: tuple[int, int]) -> Sums:
         """Return the sums of no path, for a picture of (width, height) pixels."""
         width, height = size
-        return cls(*(np.zeros((height, width, count)) for count in CHANNELS.values()))
+        light, squares = (np.zeros((height, width, count)) for count in CHANNELS.values())
+        return cls(light, squares)
 
     def plus(self, light: Float32, squares: Float32, count: int, device: str) -> Sums:
         """Return these sums and those of the next `count` paths, as the path tracer's images have them."""

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import chapters
+from chapters.folders import Folder
 from common.errors import UserError
 from common.files import disk_cache
 from common.paths import cache_dir
@@ -38,7 +39,7 @@ DEFAULT_PATHS = 1 << 16
 MOST_PATHS = 1 << 30
 MOST_SEED = 2**31
 KEEP_EVERY_S = 30.0
-"""Seconds between two times at which sums are written while paths are traced, and at least ten times what that takes."""
+"""Seconds between two times at which sums are written while paths are traced; ten times what that takes, if longer."""
 
 CACHE_BYTES = 4 << 30
 """The sums that were needed longest ago are removed from the cache where it is larger."""
@@ -71,7 +72,9 @@ class Keeper:
     `sums` are the newest ones. Any thread may ask to keep them.
     """
 
-    def __init__(self, path: Path | None, facts: dict[str, str], size: tuple[int, int], named: bool = False) -> None:
+    def __init__(
+        self, path: Path | None, facts: dict[str, str], size: tuple[int, int], named: bool = False
+    ) -> None:
         self.path, self.facts, self.size = path, facts, size
         self.sums = Sums.none_of(size)
         self.problem = ""
@@ -164,7 +167,9 @@ def _trace(
         knobs.path_first, knobs.path_samples = first, count
         frame = renderer.render(task.view, task.time)
         block = frame.image("path_sums"), frame.image("path_squares")
-        keeper.sums = keeper.sums.plus(*block, count, device)  # in one step: an interruption finds it before or after
+        keeper.sums = keeper.sums.plus(
+            *block, count, device
+        )  # in one step: an interruption finds it before or after
         found = _judged(keeper.sums, task)
         if found <= error:
             return
@@ -206,7 +211,9 @@ class _Speed:
         text += f", estimated error {self._error:.2g}"
         since = 0.0 if self._began is None else clock.perf_counter() - self._began
         if self._paths > self._first:
-            text += f", about {spoken_time((needed - self._paths) * since / (self._paths - self._first))} left"
+            text += (
+                f", about {spoken_time((needed - self._paths) * since / (self._paths - self._first))} left"
+            )
         return min(self._paths / max(needed, 1.0), 1.0), text
 
 
@@ -249,7 +256,7 @@ def check_goal(error: float, paths: int, filter: str, seed: int) -> None:
 
 
 def reference(
-    chapter: int | str | Path | chapters.Folder,
+    chapter: int | str | Path | Folder,
     scene: Scene,
     camera: View | str | None = None,
     size: tuple[int, int] = (640, 360),
