@@ -204,7 +204,8 @@ def measure(
         """Return how a part of the bench reports: its own 0 to 1 is `begin` to `end` of the whole."""
         return lambda name, part: steps(f"{what} {name}".strip(), begin + (end - begin) * part)
 
-    starts, found, prepared, grown, pipelines, threads, cases = {}, [], [], [], None, None, []
+    found: list[bench_points.Point] = []
+    starts, prepared, grown, pipelines, threads, cases = {}, [], [], None, None, []
     facts: dict[str, Any] = {"preset": "reference", "samples_per_pixel": effort.samples**2}
     loads: list[dict[str, Any]] = []
     readback: dict[str, Any] | None = None
