@@ -1,4 +1,7 @@
-"""The SPIR-V parser against `spirv-dis`: every shader of the project, in the variants that its own conditions allow."""
+"""The SPIR-V parser against `spirv-dis`: every shader of the project, in the variants that its own conditions allow.
+
+Of a shader that several chapters have, the newest text stands for all; with --long every chapter's is compiled.
+"""
 
 from __future__ import annotations
 
@@ -338,10 +341,19 @@ def modules(request):
     return once(request.config, "modules of every shader", lambda: every_module(long))
 
 
+def newest(paths):
+    """Return the files without those that a later chapter has too: most differ in what they include alone."""
+    last = {}
+    for path in paths:
+        own = path.relative_to(ROOT).parts
+        last[own[2:] if own[0] == "chapters" else own] = path
+    return [*last.values()]
+
+
 def every_module(long):
     found, known = {}, {}
     texts = set()
-    for path in files():
+    for path in files() if long else newest(files()):
         names, text = conditions(path)
         text = path.suffix, bare(text)
         if text in texts:

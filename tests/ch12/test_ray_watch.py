@@ -29,7 +29,7 @@ def test_the_worst_comes_first_within_the_budget():
     assert watched.worst_percent == 300
     assert watched.due() == (1,)  # 200 and 100 are more than 250
     assert watched.due() == (0,) and watched.due() == ()  # 20 is no more than twice 10
-    assert watched.builds.tolist() == [1, 1, 0]
+    assert watched.builds == (1, 1, 0)
 
 
 def test_reports_of_before_a_build_are_not_read_after_it():
@@ -53,7 +53,7 @@ def test_reports_of_before_a_build_are_not_read_after_it():
 
 def test_what_is_too_large_or_has_one_form_alone_is_not_watched():
     watched = watch((4, 5, 250, 251))
-    assert watched.watched.tolist() == [False, True, True, False]
+    assert watched.watched == (1, 2)
     report(watched, 0, *[99.0] * 4)
     assert watched.due() == (1,) and watched.due() == (2,) and watched.due() == ()
 
@@ -84,6 +84,13 @@ def test_a_figure_that_falls_is_a_reason_where_either_way_is():
         watched = Watch([9], [30.0], [4], 2.0, 100, either_way)
         report(watched, 0, 14.0)
         assert watched.due() == due
+
+
+def test_a_cost_that_is_no_number_or_infinite_is_no_reason():
+    watched = Watch([9], [30.0], [4], 2.0, 100, either_way=True)
+    for cost in (np.nan, np.inf, -1.0):
+        report(watched, 0, cost)
+        assert watched.due() == () and watched.worst_percent == 100
 
 
 def test_the_figure_of_groups_is_that_of_their_boxes():

@@ -115,7 +115,7 @@ class ShapeReports:
         """Record the kernel for each structure, behind the refits."""
         commands.compute_barrier()
         commands.bind_compute(self._kernel)
-        for place in np.flatnonzero(self._watch.watched).tolist():
+        for place in self._watch.watched:
             shape = self._shapes[place]
             commands.bind_compute_set(self._kernel, 0, self._set_of[slot, shape.page])
             push = (shape.indices, shape.triangles, shape.positions, place)

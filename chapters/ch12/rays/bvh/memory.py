@@ -136,12 +136,12 @@ class BvhMemory:
             costs.append(build.cost(packed.nodes[top:]))
             budget = int(self._settings.ray_rebuild_budget)
             watch = Watch(sizes, costs, least, self._settings.ray_rebuild, budget)
-            self._watch = watch if watch.watched.any() else None
+            self._watch = watch if watch.watched else None
         for number, place in enumerate((*places, (top, 0, self._instances, 0))):
             root, first, count, page = place
             self._trees.append(Rebuilt(root, first, count, page, pair, upper=number == len(places)))
-            pair += sizes[number] * bool(self._watch and self._watch.watched[number])
-        self._watched: list[int] = np.flatnonzero(self._watch.watched).tolist() if self._watch else []
+            pair += sizes[number] * bool(self._watch and number in self._watch.watched)
+        self._watched = self._watch.watched if self._watch else ()
 
     def _scratch(self) -> dict[str, NDArray[np.uint8]]:
         sizes = [self._trees[number].sizes for number in self._watched]

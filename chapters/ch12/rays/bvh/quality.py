@@ -7,6 +7,8 @@ the hierarchy is built anew in the frame that has read it, within a budget.
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -32,20 +34,22 @@ class Watch:
         budget: int,
         either_way: bool = False,
     ) -> None:
-        self.sizes = np.array(sizes, np.int64)
-        self._built_cost = np.array(costs, np.float64)
+        self._sizes, self._built_cost = list(sizes), list(map(float, costs))
         self._most, self._budget = max(most, 1.0), budget  # less would build what has not moved
         self._either_way = either_way
-        count = len(self.sizes)
-        self.watched: NDArray[np.bool_] = (self.sizes > np.array(least)) & (self.sizes <= budget)
-        self._last = self.watched & (np.arange(count) == count - 1)
-        self.ratios: NDArray[np.float64] = np.ones(count)
+        count = len(self._sizes)
+        self.watched: tuple[int, ...] = tuple(
+            number for number, size in enumerate(self._sizes) if least[number] < size <= budget
+        )
+        """The numbers of the hierarchies that are watched, in order."""
+        self._last = tuple(number for number in self.watched if number == count - 1)
+        self.ratios = [1.0] * count
         """Of each, by the last report: its cost in costs at its build."""
-        self.builds: NDArray[np.int64] = np.zeros(count, np.int64)
+        self.builds: tuple[int, ...] = (0,) * count
         """How often each was built anew."""
         self.worst_percent = 100
         """The largest of `ratios` that the last report had, in percent."""
-        self._asked: list[tuple[NDArray[np.bool_], NDArray[np.int64]] | None] = [None] * SLOTS
+        self._asked: list[tuple[tuple[int, ...], tuple[int, ...]] | None] = [None] * SLOTS
         self._late = False
 
     def asks(self, slot: int) -> bool:
@@ -58,30 +62,40 @@ class Watch:
         assert asked is not None, "`asks` says so"
         self._asked[slot] = None
         measured, builds = asked
-        known = measured & (builds == self.builds)
-        first = known & np.isnan(self._built_cost)  # by the frame that built it
-        self._built_cost[first] = costs[first]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratios = np.where(costs > 0, costs / self._built_cost, 1.0)
-            if self._either_way:
-                ratios = np.maximum(ratios, 1.0 / ratios)
-        self.ratios[known] = ratios[known]
-        worst = float(self.ratios.max())
+        for number in measured:
+            if builds[number] != self.builds[number]:
+                continue
+            cost = float(costs[number])
+            if math.isnan(self._built_cost[number]):  # by the frame that built it
+                self._built_cost[number] = cost
+            self.ratios[number] = self._ratio(cost, self._built_cost[number])
+        worst = max(self.ratios)
         self._late = worst > self._most
         self.worst_percent = round(min(100.0 * worst, 1e9))
+
+    def _ratio(self, cost: float, built: float) -> float:
+        if not 0 < cost < math.inf:  # nothing is there, or nothing finite
+            return 1.0
+        ratio = cost / built if built > 0 else math.inf
+        fallen = self._either_way and ratio < 1
+        return built / cost if fallen else ratio
 
     def due(self) -> tuple[int, ...]:
         """Return what this frame builds anew, and count it as built: the worst first, as long as the budget lasts."""
         if not self._late:
             return ()
-        late = np.flatnonzero(self.watched & (self.ratios > self._most))
-        late = late[np.argsort(-self.ratios[late], kind="stable")]
-        late = late[np.cumsum(self.sizes[late]) <= self._budget]
-        self.builds[late] += 1
-        self._built_cost[late], self.ratios[late] = np.nan, 1.0
-        self._late = bool((self.ratios > self._most).any())
-        return tuple(late.tolist())
+        late = [number for number in self.watched if self.ratios[number] > self._most]
+        late.sort(key=lambda number: -self.ratios[number])
+        sums = itertools.accumulate(self._sizes[number] for number in late)
+        late = [number for number, size in zip(late, sums, strict=True) if size <= self._budget]
+        builds = list(self.builds)
+        for number in late:
+            builds[number] += 1
+            self._built_cost[number], self.ratios[number] = math.nan, 1.0
+        self.builds = tuple(builds)
+        self._late = max(self.ratios) > self._most
+        return tuple(late)
 
     def ask(self, slot: int, everything: bool) -> None:
         """Note that a frame measures what is watched: everything, or the last alone."""
-        self._asked[slot] = (self.watched if everything else self._last, self.builds.copy())
+        self._asked[slot] = (self.watched if everything else self._last, self.builds)

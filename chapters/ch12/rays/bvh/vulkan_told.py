@@ -22,20 +22,18 @@ class Told:
     """Storage buffers of `count` floats, one for each slot (`buffers`)."""
 
     def __init__(self, device: Device, count: int, name: str) -> None:
-        self._device, self._count = device, count
+        self._device = device
         usage = vk.VK_BUFFER_USAGE_STORAGE_BUFFER_BIT
         self.buffers: list[Buffer] = [
             create_buffer(device, 4 * count, usage, "readback", f"rays: {name}, slot {slot}")
             for slot in range(SLOTS)
         ]
+        self._numbers: list[NDArray[np.float32]] = [it.view(np.float32)[:count] for it in self.buffers]
 
     def read(self, slot: int) -> NDArray[np.float32]:
         """Return what the last frame of a slot, which is over, has written."""
-        buffer = self.buffers[slot]
-        assert buffer.allocation is not None, "the CPU reads it"
-        self._device.memory.invalidate(buffer.allocation)
-        numbers: NDArray[np.float32] = buffer.view(np.float32)[: self._count]
-        return numbers
+        self._device.memory.invalidate(self.buffers[slot].allocation)
+        return self._numbers[slot]
 
     @staticmethod
     def finish(commands: Commands) -> None:
@@ -44,5 +42,6 @@ class Told:
 
     def close(self) -> None:
         """Free the buffers; no frame in flight uses them."""
+        self._numbers.clear()
         while self.buffers:
             destroy_buffer(self._device, self.buffers.pop())
