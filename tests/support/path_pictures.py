@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from tests.support.traced_pictures import ways_of
 
 Float64 = NDArray[np.float64]
 
-SIZE = (24, 16)
+SIZE = (16, 12)
 
 PATHS: dict[str, Any] = {**PLAIN, "path_tracer": True, "path_lights": "all", "environment_size": 32}
 """Settings of a picture in 32 bits that is traced by paths."""
@@ -42,6 +43,33 @@ def light(renderer: Any, view: View, frames: int = 1) -> Float64:
     return np.asarray(frame.image("color_linear"), np.float64)
 
 
+@contextmanager
+def turned(renderer: Any, **knobs: Any) -> Iterator[None]:
+    """Set live knobs of `settings.paths` for a while; the sums begin anew before and behind it."""
+    paths = renderer.settings.paths
+    before = {name: getattr(paths, name) for name in knobs}
+    renderer.reset_history("test")
+    for name, value in knobs.items():
+        setattr(paths, name, value)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            setattr(paths, name, value)
+        renderer.reset_history("test")
+
+
+def runs_of(
+    renderer: Any, view: View, count: int = 16, each: Iterable[dict[str, Any]] = ({},), **knobs: Any
+) -> list[Float64]:
+    """Return (count, H, W, 3) independent pictures for each of some live knobs, besides those for all of them."""
+    pictures = []
+    for seed, changed in enumerate(each):
+        with turned(renderer, **{"path_average": False, "path_seed": seed, **knobs, **changed}):
+            pictures.append(np.stack([light(renderer, view) for _ in range(count)]))
+    return pictures
+
+
 def runs(
     chapter: Any,
     scene: Scene,
@@ -49,20 +77,11 @@ def runs(
     count: int = 16,
     size: tuple[int, int] = SIZE,
     each: Iterable[dict[str, Any]] = ({},),
-    **turned: Any,
+    **settings: Any,
 ) -> list[Float64]:
-    """Return (count, H, W, 3) independent pictures for each of some live knobs, by their names in `settings.paths`."""
-    pictures = []
-    with opened(chapter, scene, size, path_average=False, **turned) as renderer:
-        knobs = renderer.settings.paths
-        for seed, changed in enumerate(each):
-            before = {name: getattr(knobs, name) for name in changed}
-            for name, value in ({"path_seed": seed} | changed).items():
-                setattr(knobs, name, value)
-            pictures.append(np.stack([light(renderer, view) for _ in range(count)]))
-            for name, value in before.items():
-                setattr(knobs, name, value)
-    return pictures
+    """Return `runs_of` a new renderer with some settings."""
+    with opened(chapter, scene, size, **settings) as renderer:
+        return runs_of(renderer, view, count, each)
 
 
 def z_scores(pictures: Float64, truth: ArrayLike = 0.0, block: int = 4) -> Float64:
@@ -92,3 +111,12 @@ def assert_agrees(z: Float64) -> None:
         z
     ).max()  # of Student's t with 15 degrees of freedom, of some hundreds
     assert (z**2).mean() < 2.0, (z**2).mean()
+
+
+def assert_mean(pictures: Float64, truth: ArrayLike, most: float) -> None:
+    """Hold the mean over pixels and runs to that of a truth, by its standard error; relative, that is below `most`."""
+    means = pictures.mean(axis=(1, 2, 3))
+    wanted = float(np.mean(truth))
+    error = float(means.std(ddof=1)) / np.sqrt(len(means))
+    assert error < most * wanted, error / wanted
+    assert abs(means.mean() - wanted) < 5.0 * error + 1e-5 * wanted, (means.mean() / wanted, error / wanted)
