@@ -60,13 +60,16 @@ def stable_hash(text: str) -> int:
 def suggest(word: str, words: Iterable[str], shown: int = 8) -> str:
     """Return how a sentence about the unknown `word` goes on: the near match, else what there is.
 
-    "; did you mean 'medium'?", or "; known are 'high', 'low'" (the first `shown` names), or "" without words.
+    "; did you mean 'medium'?", for what begins alike "; did you mean 'ray-query' or 'ray-tracing'?", or "; known are
+    'high', 'low'" (the first `shown` names), or "" without words.
     """
     known = sorted(set(words))
     by_lower = {name.lower(): name for name in reversed(known)}
     near = difflib.get_close_matches(word.lower(), by_lower, n=1, cutoff=0.6)
+    begin = word.lower().rstrip("s")  # "rays" begins as "ray-query" does
+    near = near or [name for name in sorted(by_lower) if len(begin) > 2 and name.startswith(begin)][:2]
     if near:
-        return f"; did you mean {by_lower[near[0]]!r}?"
+        return f"; did you mean {' or '.join(repr(by_lower[name]) for name in near)}?"
     if not known:
         return ""
     more = ", ..." if len(known) > shown else ""

@@ -59,6 +59,9 @@ def test_hashed_names_behave_as_plain_strings_in_a_dict():
         ("medum", ["low", "medium", "high"], "; did you mean 'medium'?"),
         ("KITCHEN", ["Kitchen", "Hall"], "; did you mean 'Kitchen'?"),
         ("zzz", ["b", "a"], "; known are 'a', 'b'"),
+        ("Rays", ["ray-query", "array", "ray-tracing"], "; did you mean 'array'?"),
+        ("rays", ["ray-query", "ray-tracing", "etc2"], "; did you mean 'ray-query' or 'ray-tracing'?"),
+        ("ra", ["ray-query"], "; known are 'ray-query'"),
         (
             "zzz",
             [f"n{i}" for i in range(12)],

@@ -35,6 +35,8 @@ def test_an_unknown_view_suggests_the_near_one(strata):
     assert code == 2 and err.count("\n") == 1 and "'base-color'" in err and err.endswith("'uv'.\n")
     code, _, err = strata("run", "1", "--set", "view=nrmal")
     assert (code, err) == (2, "strata: setting view cannot be 'nrmal'; did you mean 'normal'?\n")
+    code, _, err = strata("run", "12", "--view", "instance")
+    assert (code, err) == (2, "strata: There is no view 'instance'; --set ray_view=instance shows it.\n")
 
 
 def test_every_view_is_explained(strata):

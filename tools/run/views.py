@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import chapters
 from common.errors import UserError
 from common.names import suggest
-from common.settings import flat, replaced
+from common.settings import flat, knobs, replaced
 
 if TYPE_CHECKING:
     from chapters import Which, Whole
@@ -39,9 +39,20 @@ def with_view(settings: S, which: Which, name: str | None) -> S:
         raise UserError(f"The study {which} has no views: leave --view out.")
     known = views_of(which)
     if name not in known:
-        near = suggest(name, known, shown=len(known))
+        other = f"; --set {knob}={name} shows it" if (knob := _knob_with(settings, name)) else ""
+        near = other or suggest(name, known, shown=len(known))
         raise UserError(f"There is no view {name!r}{near}" + ("" if near.endswith("?") else "."))
     return replaced(settings, view=name)
+
+
+def _knob_with(settings: Any, view: str) -> str:
+    """Return the knob of another kind of views that has a choice of this name, or ""."""
+    found = (
+        name
+        for name, knob in knobs(settings).items()
+        if name.endswith("_view") and view in (knob.choices or ())
+    )
+    return next(found, "")
 
 
 def shown_by(which: Which, overrides: Sequence[str]) -> tuple[str, ...]:
