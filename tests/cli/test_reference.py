@@ -142,6 +142,7 @@ def test_sums_go_on_bit_for_bit_and_what_is_kept_is_not_traced_again(strata, kep
     monkeypatch.setattr(chapters, "open", opened)
     code, out, err = strata(*words, "--paths", 100, "--out", "b.png")
     assert code == 0 and "100 paths a pixel, all traced before" in err
+    assert "not kept" not in err
     assert path.read_bytes() == before
     with Image.open(tmp_path / "b.png") as picture:
         shown, notes = np.asarray(picture), dict(picture.info)
