@@ -163,6 +163,8 @@ LESSON = Lesson(
         "settings.py": "has one more group of knobs",
         "cloth/frames.py": "writes cloth that rays may meet",
         "frames/commands.py": "declares how rays are traced",
+        "frames/frame.py": "names sums of paths as outputs",
+        "frames/stream.py": "gives sums of paths as outputs",
         "frames/dispatches.py": "traces by work groups; checks the number of rays",
         "frames/vulkan_dispatches.py": "binds and traces ray pipelines",
         "graph/checks.py": "knows uses of structures",

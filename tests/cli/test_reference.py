@@ -12,7 +12,7 @@ from PIL import Image
 
 import chapters
 from chapters import scenes
-from common.errors import UserError
+from common.errors import StaleFrameError, UserError
 from common.images import read_layers
 from common.packages import load
 from common.paths import ROOT
@@ -142,6 +142,7 @@ def test_sums_go_on_bit_for_bit_and_what_is_kept_is_not_traced_again(strata, kep
     monkeypatch.setattr(chapters, "open", opened)
     code, out, err = strata(*words, "--paths", 100, "--out", "b.png")
     assert code == 0 and "100 paths a pixel, all traced before" in err
+    assert "not kept" not in err
     assert path.read_bytes() == before
     with Image.open(tmp_path / "b.png") as picture:
         shown, notes = np.asarray(picture), dict(picture.info)
@@ -311,3 +312,13 @@ def test_the_help_names_the_command_and_its_options(strata):
     for word in ("--error", "--paths", "--filter", "--seed", "--sums", "--no-cache", "chapter 12"):
         assert word in out
     assert "strata reference 1" in (ROOT / "README.md").read_text("utf-8")
+
+
+def test_sums_are_outputs_of_traced_pictures_alone():
+    """Without paths nothing writes them, and the sentence says so."""
+    more = {"size": SIZE, "outputs": {"path_sums", "color"}}
+    with chapters.open(settings.TRACER, "vulkan", scene=scenes.load("cornell"), **more) as renderer:
+        frame = renderer.render(chapters.view_of(renderer))
+        assert frame.image("color").any()
+        with pytest.raises(StaleFrameError, match="only paths are summed, with path_tracer=on"):
+            frame.image("path_sums")

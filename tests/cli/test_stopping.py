@@ -22,7 +22,12 @@ from pathlib import Path
 from tools.cli.stopping import prompt_stop
 from common.paths import temporary_folder, write_whole
 
-with prompt_stop(lambda: "what came is kept."), temporary_folder() as folder:
+def kept():
+    begun = any(path.name.startswith(".a.png") for path in Path().iterdir())  # what is begun may still be finished
+    Path("kept").write_text(f"{begun}")
+    return "what came is kept."
+
+with prompt_stop(kept), temporary_folder() as folder:
     (folder / "part").write_bytes(b"half")
     print(folder, flush=True)
     real = os.replace
@@ -55,7 +60,8 @@ def test_a_long_call_of_c_is_not_waited_for_and_no_half_written_file_is_left(tmp
     assert time.perf_counter() - began < 2.5
     assert process.returncode == 130
     assert err == "what came is kept.\nstrata: stopped.\n"
-    assert not list(tmp_path.iterdir()) and not os.path.exists(folder)
+    assert [path.name for path in tmp_path.iterdir()] == ["kept"] and not os.path.exists(folder)
+    assert (tmp_path / "kept").read_text() == "True"
 
 
 def test_ctrl_c_is_one_line(monkeypatch, capsys, tmp_path):

@@ -179,8 +179,7 @@ def reference(
 ) -> int:
     """Trace the scene of a chapter by paths, with its camera and light, until the estimated error is small.
 
-    The path tracer is that of chapter 12. Sums of paths are kept: the same picture is there at once the next time, and
-    a smaller error goes on with further paths. Ctrl-C keeps them, too.
+    The path tracer is that of chapter 12. Sums of paths are kept, by Ctrl-C too, and go on for a smaller error.
     """
     import chapters
     from tools.reference import command

@@ -71,13 +71,13 @@ def run(request: Request) -> int:
         steps("write", 0.98)
         if request.out is None:
             target.parent.mkdir(exist_ok=True)
-        notes = _notes(request, task, keeper, error)
+        told = differences(request.chapter, own, scene)
+        notes = _notes(request, task, keeper, error) | {"leftOutByDesign": told}
         try:
             write(target, task, keeper, notes)
         except UserError as failed:
             raise UserError(f"{str(failed).rstrip('.')}. {_where(keeper)}".rstrip()) from None
     _tell(request, keeper, before, error, target)
-    told = differences(request.chapter, own, scene)
     if told:
         say(f"strata: {told}")
     return 0

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 import chapters
+from common.errors import SceneError
 from common.paths import ROOT
 from common.scene import Image, Scene
 from common.settings import flat
@@ -78,7 +79,10 @@ def scene_hash(scene: Scene) -> str:
 def _feed(hashed: Any, value: Any) -> None:
     """Add a value to a hash. Each begins with its type and its length, so no two values give the same bytes."""
     if isinstance(value, Image):
-        value = value.decode()
+        try:
+            value = value.decode()
+        except SceneError as error:  # the renderer decides what becomes of it
+            value = str(error)
     if isinstance(value, np.ndarray):
         hashed.update(f"array {value.dtype.descr} {value.shape};".encode())
         hashed.update(np.ascontiguousarray(value).data.cast("B") if value.size else b"")

@@ -131,11 +131,18 @@ def nothing_told(part: float, detail: str) -> None:
     """Ignore what is told of progress."""
 
 
-def trace(task: Task, keeper: Keeper, error: float, paths: int, progress: Progress = nothing_told) -> float:
+def trace(
+    task: Task,
+    keeper: Keeper,
+    error: float,
+    paths: int,
+    progress: Progress = nothing_told,
+    device: Any = None,
+) -> float:
     """Trace until the estimated error is at most `error`, or another block would exceed `paths` of each pixel.
 
     The sums are in `keeper`, which writes them now and then, and at the end, however that comes. Return the estimated
-    error. Nothing is opened where the sums suffice.
+    error. Nothing is opened where the sums suffice. `device` is one of `chapters.open` to share, or None.
     """
     found = _judged(keeper.sums, task)
     pixels = task.size[0] * task.size[1]
@@ -149,9 +156,10 @@ def trace(task: Task, keeper: Keeper, error: float, paths: int, progress: Progre
             size=task.size,
             settings=replaced(task.settings, path_samples=1),
             outputs={"path_sums", "path_squares"},
+            **({} if device is None else {"device": device}),
         ) as renderer:
-            device = f"{renderer.capabilities.device} ({renderer.capabilities.driver})"
-            _trace(renderer, task, keeper, device, error, paths, progress)
+            name = f"{renderer.capabilities.device} ({renderer.capabilities.driver})"
+            _trace(renderer, task, keeper, name, error, paths, progress)
     finally:
         keeper.keep()
     return keeper.sums.error(task.exposure)
@@ -271,13 +279,15 @@ def reference(
     overrides: Iterable[str] = (),
     cached: bool = True,
     progress: Progress = nothing_told,
+    device: Any = None,
 ) -> tuple[Float32, float]:
     """Return the reference picture (H, W, 3) float32 in nits of a chapter's scene, and its estimated relative error.
 
     `settings` are the chapter's (None: its preset `reference`), of which what says anything about light is taken;
     `overrides` are texts "key=value" as for --set. `camera` is a view, or what `view_of_scene` takes. The error is the
     root of the mean squared relative standard error of pixels; it is at most `error` unless `paths` paths of each pixel
-    were too few. Raises UserError for a wrong argument, UnsupportedError where this machine cannot do it.
+    were too few. `device` is one of `chapters.open` to share, or None. Raises UserError for a wrong argument,
+    UnsupportedError where this machine cannot do it.
     """
     check_goal(error, paths, filter, seed)
     chosen, of_paths = chapter_settings(chapters.parse_chapter(chapter), overrides)
@@ -285,5 +295,5 @@ def reference(
     task = task_of(settings, scene, camera, size, time, backend)
     facts = task.facts()
     keeper = Keeper(cached_path(facts) if cached else None, facts, size)
-    found = trace(task, keeper, error, paths, progress)
+    found = trace(task, keeper, error, paths, progress, device)
     return keeper.sums.picture, found

@@ -13,8 +13,11 @@ SLOTS = 2
 """Frames in flight. With one slot, CPU and GPU would take turns; a third adds a frame of latency and no speed."""
 
 
-OUTPUTS = ("color", "color_linear", "depth", "instance_id", "motion", "path_sums", "path_squares")
+OUTPUTS = ("color", "color_linear", "depth", "instance_id", "motion")
 """The outputs that a frame can have."""
+
+ALL_OUTPUTS = (*OUTPUTS, "path_sums", "path_squares")
+"""The same, and what paths are summed in (paths/passes.py): only a picture that is traced by paths has these."""
 
 SOURCES = {
     "color": "color",

@@ -41,7 +41,7 @@ from ..shading.samples import choose_samples
 from ..taa.scale import drawn_size
 from ..tasks.workers import ALONE
 from .backend.backend import open_backend
-from .frame import OUTPUTS, SLOTS, SOURCES, Frame, check_outputs, output_of
+from .frame import ALL_OUTPUTS, OUTPUTS, SLOTS, SOURCES, Frame, check_outputs, output_of
 
 
 class FrameStream:
@@ -98,7 +98,7 @@ class FrameStream:
         inspect: bool,
     ) -> tuple[str, ...]:
         """Store the arguments of a renderer, and return the names in `without`. Raises UserError for wrong ones."""
-        self.settings, outputs = check_arguments(scene, settings, Settings, outputs, OUTPUTS)
+        self.settings, outputs = check_arguments(scene, settings, Settings, outputs, ALL_OUTPUTS)
         off = check_names(without, "without")
         self._source = scene
         self.techniques: dict[str, Technique] = {}
@@ -107,7 +107,8 @@ class FrameStream:
             scene = technique.scene
         self._light = DefaultLight(scene, self.settings)
         self.scene = self._light.scene
-        self.outputs = tuple(name for name in OUTPUTS if name in outputs or inspect)
+        wanted = {*outputs, *(OUTPUTS if inspect else ())}
+        self.outputs = tuple(name for name in ALL_OUTPUTS if name in wanted)
         self._inspects = inspect
         # Targets that are copied after the passes: to the CPU, or to a window.
         self._handed_on = {*(SOURCES[name] for name in self.outputs), *(["color"] if presents else [])}
@@ -283,10 +284,12 @@ class FrameStream:
     def read(self, slot: Any, name: str, exposed: float) -> np.ndarray:
         """Return an output of the slot's frame; see `Frame.image`."""
         inspected = self._api.inspection.readbacks[slot.index]
-        check_outputs((*self.outputs, *inspected), OUTPUTS, name)
+        check_outputs((*self.outputs, *inspected), ALL_OUTPUTS, name)
         self._enter()
         self._frames.wait(slot)
         readback = (dict(self._api.readbacks(slot)) | inspected).get(name)
+        if readback is None and name not in OUTPUTS:
+            raise StaleFrameError(f"There is no '{name}': only paths are summed, with path_tracer=on.")
         if readback is None:  # an empty scene has no instances, and no pass that draws them
             shape = (*self.size[::-1], 2) if name == "motion" else self.size[::-1]
             return np.zeros(shape, np.uint32 if name == "instance_id" else np.float32)
