@@ -173,7 +173,6 @@ def test_a_cube_in_a_furnace_shows_its_albedo(heated):
             edit.set_material(0, before)
 
 
-@pytest.mark.core
 @pytest.mark.feature("path-tracer/russian-roulette")
 def test_paths_end_by_what_they_carry(heated):
     """Paths end with probability 1 - p, and else count 1/p times: each is compared with itself without roulette."""

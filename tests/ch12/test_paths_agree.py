@@ -43,7 +43,6 @@ def assert_same(pictures):
         assert_mean(first.mean() + other - first, first, 0.03)
 
 
-@pytest.mark.core
 @pytest.mark.feature("path-tracer/mis")
 @pytest.mark.feature("path-tracer/russian-roulette")
 @SAMPLES

@@ -32,7 +32,6 @@ def glowing(chapter):
         yield renderer
 
 
-@pytest.mark.core
 @pytest.mark.feature("path-tracer/accumulation")
 def test_the_estimated_error_is_the_one_that_pictures_have(glowing):
     """The estimate of one picture, against how far independent pictures are from the truth."""

@@ -36,7 +36,6 @@ def glowing(red, green, alpha=1.0, mode="blend", **more):
     return Material(**colors, alpha_mode=mode, **more)
 
 
-@pytest.mark.core
 @pytest.mark.feature("path-tracer/core")
 def test_layers_cover_what_is_behind_them_by_their_alpha(chapter):
     """Left two blended squares before an emissive one; right two masked ones, of which one is there."""

@@ -133,7 +133,6 @@ def test_beside_the_split_both_pictures_are_there(chapter):
 # --- shadows and mirrors in closed form ---
 
 
-@pytest.mark.core
 def test_a_square_casts_the_shadow_of_its_outline(chapter):
     """A lamp at height h over the middle of a square of edge a at height s casts a shadow of edge a h / (h - s)."""
     height, at, edge = 4.0, 1.0, 1.5

@@ -181,7 +181,6 @@ def layers(front: Material, colors: np.ndarray | None = None, images: tuple = ()
 WHITE = Material(base_color=(1.0, 1.0, 1.0, 1.0), unlit=True)
 
 
-@pytest.mark.core
 @pytest.mark.feature("ray-tracing/any-hit-and-intersection")
 def test_a_masked_surface_ends_where_its_alpha_falls_below_the_cutoff(chapter):
     """Alpha rises from 0 on the left to 1 on the right, so the cutoff is a column."""
