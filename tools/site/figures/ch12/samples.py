@@ -38,7 +38,7 @@ def light(towards: Float64, lamp: Float64, way: str) -> Float64:
     area = (2.0 * HALF) ** 2
     drawn = distance2 / (area * lamp_cosine)  # its density, per steradian
     if way == "reflected":
-        return np.pi * hit
+        return np.asarray(np.pi * hit, np.float64)
     if way == "lamp":
         return lamp_cosine / drawn
 
