@@ -379,6 +379,27 @@ def ray_views_sheet(cell: tuple[int, int] = (330, 186)) -> NDArray[Any]:
     return np.concatenate([np.concatenate(row, axis=1) for row in (shown[:2], shown[2:])])
 
 
+def paths_sheet(cell: tuple[int, int] = (220, 220), paths: int = 160) -> NDArray[Any]:
+    """Return (H, W, 3): a box rasterised, traced by rays, and traced by paths, which average a pixel by themselves."""
+    cells, medium = [], preset(chapters.settings_class(RAYS), "medium")
+    scene = load_scene(locate("cornell"))
+    for factor, frames, turned in (
+        (2, 4, {"rays": "off"}),
+        (2, 4, {"rays": "whole"}),
+        (1, paths // 16, {"path_tracer": True, "path_samples": 16}),
+    ):
+        size = (factor * cell[0], factor * cell[1])
+        with chapters.open(
+            RAYS, "auto", scene=scene, size=size, settings=replaced(medium, **turned)
+        ) as renderer:
+            view = chapters.view_of(renderer)
+            for _ in range(frames):
+                frame = renderer.render(view)
+            codes = frame.image("color")
+            cells.append(halved(codes) if factor == 2 else codes[..., :3])
+    return np.concatenate(cells, axis=1)
+
+
 def _traced(cell: tuple[int, int], **turned: Any) -> NDArray[Any]:
     settings: Any = replaced(preset(chapters.settings_class(RAYS), "medium"), **turned)
     size = (2 * cell[0], 2 * cell[1])
@@ -435,6 +456,7 @@ SHEETS = {
     "ch11-atrium": edges_sheet,
     "ch12-atrium": rays_sheet,
     "ch12-views": ray_views_sheet,
+    "ch12-cornell": paths_sheet,
 }
 
 
@@ -451,6 +473,7 @@ COVERS: dict[str, int] = {
     "ch11-atrium": TAA,
     "ch12-atrium": RAYS,
     "ch12-views": RAYS,
+    "ch12-cornell": RAYS,
 }
 """The chapter that draws a sheet; GRAPH for the others."""
 
@@ -465,7 +488,13 @@ def picture_of(name: str) -> NDArray[Any]:
 def inputs_of(name: str) -> list[Path]:
     """Return the files that a picture of `picture_of` is made from."""
     if name in SHEETS:
-        scene = "cornell" if name == "frame" else "city" if name.startswith("ch06") else "atrium"
+        scene = (
+            "cornell"
+            if name in ("frame", "ch12-cornell")
+            else "city"
+            if name.startswith("ch06")
+            else "atrium"
+        )
         scene = "market" if name.startswith("ch07") else scene
         return [*site_inputs.chapter(COVERS.get(name, GRAPH)), *site_inputs.scene(scene)]
     if "/" in name:

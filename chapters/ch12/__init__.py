@@ -1,4 +1,4 @@
-"""Chapter 12: rays by three ways, and a picture that is traced with them."""
+"""Chapter 12: rays by three ways, a picture that is traced with them, and a path tracer."""
 
 from common.lessons import Lesson, Needs, Section
 
@@ -18,6 +18,9 @@ LESSON = Lesson(
         "surfaces at hits, with one function that decides on masked and blended ones",
         "a traced picture beside the rasterised one: hard shadows and mirrors",
         "views of distance, instance, barycentric coordinates and steps",
+        "a path tracer: materials, lights, media and lens of the chapters before, without bias",
+        "random streams, points of Sobol's sequence, and tables of aliases",
+        "multiple importance sampling, Russian roulette, and sums of frames with an estimate of their error",
     ),
     shows=("rays=beside",),
     needs=Needs(
@@ -59,17 +62,10 @@ LESSON = Lesson(
         ),
         Section(
             "Triangles without gaps",
-            25,
+            30,
             "run 12 --scene cornell --set rays=whole --set ray_way=bvh --set ray_view=barycentrics",
-            ("rays/bvh/traverse.glsl", "rays/triangles.py"),
+            ("rays/bvh/traverse.glsl", "rays/surface.glsl"),
             "a-gap-at-every-edge",
-        ),
-        Section(
-            "Where a ray begins",
-            20,
-            "run 12 --scene cornell --set rays=whole",
-            ("rays/surface.glsl", "rays/accept.glsl"),
-            "a-millimetre-off",
         ),
         Section(
             "Pipelines, tables and queries",
@@ -84,6 +80,13 @@ LESSON = Lesson(
             "run 12 --scene atrium",
             ("rays/picture.glsl", "rays/surface.glsl"),
             "into-the-mirror",
+        ),
+        Section(
+            "Paths",
+            30,
+            "run 12 --scene cornell --set path_tracer=on",
+            ("paths/paths.glsl", "paths/lights.glsl"),
+            "counted-twice",
         ),
     ),
     reading=(
