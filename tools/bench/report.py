@@ -48,6 +48,7 @@ FRAME_PARTS = {
     "fog": "fog",
     "taa": "taa",
     "rays": "rays",
+    "paths": "paths",
 }
 """The parts of chapters whose frame is a graph, and the benches of lessons that show and draw them."""
 

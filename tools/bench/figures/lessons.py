@@ -246,6 +246,17 @@ def _rays(made: dict[str, Any]) -> Iterator[Row]:
         )
 
 
+def _paths(made: dict[str, Any]) -> Iterator[Row]:
+    held = made.get("paths") or {"errors": (), "speeds": ()}
+    for one in held["errors"]:
+        yield point_of(one["sequence"], f"{one['samples']} paths"), errors_of({"error": one["error"]})
+    for one in held["speeds"]:
+        yield (
+            point_of(one["scene"], "paths", one["by"]),
+            times_of(one, "ms") | errors_of({"noise": one["noise"]}),
+        )
+
+
 PARTS = {
     "loads": _loads,
     "graph": _graph,
@@ -273,5 +284,6 @@ PARTS = {
     "fog": _fog,
     "taa": _taa,
     "rays": _rays,
+    "paths": _paths,
 }
 """How the points of these parts are found in a record."""

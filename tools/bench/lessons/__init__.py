@@ -34,6 +34,7 @@ CHAPTERS = {
     "fog": 10,
     "taa": 11,
     "rays": 12,
+    "paths": 12,
 }
 """The chapter whose `benches/` has the module."""
 

@@ -28,8 +28,8 @@ FOG = {"fog": "fog"}
 HISTORY = {"taa": "taa"}
 """The part about histories of colour, and its bench."""
 
-TRACING = {"rays": "rays"}
-"""The part about rays, and its bench."""
+TRACING = {"rays": "rays", "paths": "paths"}
+"""The parts about rays and about paths, and their benches."""
 
 PARTS = {
     "settings": "time and error of presets and knobs",
@@ -67,6 +67,7 @@ PARTS = {
     "fog": "what grids and filters of fog cost, and how far they are from single scattering",
     "taa": "what modes of temporal anti-aliasing leave of errors, ghosts and flicker",
     "rays": "rays a second by each way and by Embree, their hits, and what builds cost",
+    "paths": "errors of traced paths by their number, and their speed beside Mitsuba's",
 }
 """What a bench measures; a chapter may lack any of those that come after `stability`, and `prepared`."""
 
@@ -135,7 +136,8 @@ def parts_of(which: chapters.Whole, api: str, only: Sequence[str] = ()) -> tuple
         *((part, "rate_policy") for part in RATES),
         *((part, "fog_columns") for part in FOG),
         *((part, "taa") for part in HISTORY),
-        *((part, "ray_way") for part in TRACING),
+        ("rays", "ray_way"),
+        ("paths", "path_tracer"),
     ):
         if not hasattr(settings_class, names) and names not in knobs(settings_class):
             missing[part] = f"{spoken} names none in its settings ({names})"
