@@ -33,6 +33,9 @@ from tests.twins.shading_environment import albedo_table, weights
 
 pytestmark = pytest.mark.variants("vulkan", "gl")
 
+COLD = pytest.mark.variants("vulkan", "gl", long=("gl",))
+"""A cold driver of OpenGL takes about 6 s for the kernel of each of these."""
+
 
 NITS = np.array((5.0, 3.0, 1.0))
 GLOW = Material(base_color=(0.0, 0.0, 0.0, 1.0), emissive=tuple(NITS), roughness=1.0, metallic=1.0)
@@ -84,6 +87,7 @@ def test_several_paths_in_a_frame_are_those_of_several_frames(lit):
     assert np.abs((4 * others + 2 * first) / 6 - one_by_one).max() <= 2e-6 * one_by_one.max()
 
 
+@COLD
 @pytest.mark.feature("path-tracer/accumulation")
 def test_sums_begin_anew_when_anything_changes(chapter):
     """Each change gives the picture of a renderer that saw nothing before; frames without one go on."""
@@ -153,6 +157,7 @@ def heated(chapter):
         yield renderer, scene, view, wanted
 
 
+@COLD
 @pytest.mark.core
 @pytest.mark.feature("path-tracer/core")
 def test_a_cube_in_a_furnace_shows_its_albedo(heated):
@@ -206,6 +211,7 @@ def test_a_white_cube_in_a_furnace_cannot_be_seen(chapter):
     assert np.abs(seen.mean(axis=(0, 1, 2)) - 2.0).max() < 6e-3
 
 
+@COLD
 @pytest.mark.feature("path-tracer/core")
 def test_direct_light_is_that_of_the_drawn_picture(chapter, lit):
     """Lights of all kinds, shadows by rays, one reflection: no random number is left with rays through centres."""
@@ -218,6 +224,7 @@ def test_direct_light_is_that_of_the_drawn_picture(chapter, lit):
     assert np.abs(seen - traced).max() < 1e-5 * traced.max()
 
 
+@COLD
 @pytest.mark.feature("path-tracer/mis")
 def test_an_emissive_square_lights_the_ground_by_each_strategy(glowing):
     """Rays that are reflected, rays towards the square, and both: each alone has the mean of the quadrature."""
@@ -269,6 +276,7 @@ def test_light_that_is_reflected_twice(chapter):
     assert_mean(seen, truth, 0.04)
 
 
+@COLD
 @pytest.mark.feature("path-tracer/mis")
 def test_edits_of_what_emits_are_followed(chapter):
     """A lamp is hidden, shown, put out and lit again; its triangles have places in the tables only while it emits."""

@@ -29,7 +29,8 @@ from tests.support.shadows import placed, point
 from tests.support.traced_pictures import primary_rays
 from tests.twins import fog as twin
 
-pytestmark = pytest.mark.variants("vulkan", "gl")
+pytestmark = pytest.mark.variants("vulkan", "gl", long=("gl",))
+"""A cold driver of OpenGL takes 5 to 15 s for the kernel of each of these tests."""
 
 MEDIUM = Medium(
     extinction=0.04,

@@ -23,7 +23,8 @@ from tests.support.path_scenes import ABOVE, MATTE, light_of_square, places
 from tests.support.scenes import nodes_at, quad_scene
 from tests.support.shadows import placed, point
 
-pytestmark = pytest.mark.variants("vulkan", "gl")
+pytestmark = pytest.mark.variants("vulkan", "gl", long=("gl",))
+"""A cold driver of OpenGL takes 5 to 15 s for the kernel of each of these tests."""
 
 FRONT = View(pose_looking_at((0.0, 0.0, 3.0), (0.0, 0.0, 0.0)), Orthographic(1.0, 0.1, 9.0))
 BLACK = {"base_color": (0.0, 0.0, 0.0, 1.0), "roughness": 1.0, "metallic": 1.0}
