@@ -105,12 +105,16 @@ def z_scores(pictures: Float64, truth: ArrayLike = 0.0, block: int = 4) -> Float
 
 
 def assert_agrees(z: Float64) -> None:
-    """Hold scores to those of independent errors: none far away, and their mean square near 1 at most."""
+    """Hold scores (..., 3) to those of independent errors: none far away, and their mean square near 1 at most.
+
+    They are Student's t with 15 degrees of freedom or more. So their squares have the mean 1.15 and the standard
+    deviation 1.9 at most, and a score beyond 7 has the probability 4e-6. The three colours of a block are one score,
+    nearly. With five standard deviations of the mean, another device, whose roundings lead to other paths, passes, too.
+    """
     assert np.isfinite(z).all()
-    assert np.abs(z).max() < 6.0, np.abs(
-        z
-    ).max()  # of Student's t with 15 degrees of freedom, of some hundreds
-    assert (z**2).mean() < 2.0, (z**2).mean()
+    assert np.abs(z).max() < 7.0, np.abs(z).max()
+    most = 1.15 + 5.0 * 1.9 / np.sqrt(z.size / 3)
+    assert (z**2).mean() < most, ((z**2).mean(), most)
 
 
 def assert_mean(pictures: Float64, truth: ArrayLike, most: float) -> None:
