@@ -94,8 +94,8 @@ def test_a_wrong_wish_is_one_sentence(strata, monkeypatch, words, part):
     assert (code, printed) == (2, "") and part in said and said.count("\n") == 1
 
 
+@pytest.mark.needs("matplotlib")
 def test_one_plot_has_the_presets_of_all_chapters(tmp_path):
-    pytest.importorskip("matplotlib")
     records = [
         made(point("low", 1.0), point("high", 2.0), chapter=number, reference=FACTS, backend=api)
         for number in (1, 2)
