@@ -67,14 +67,14 @@ def run(
     check_paths(json_path, plot_path)
     if json_path is not None and plot_path is not None and json_path.absolute() == plot_path.absolute():
         raise UserError(f"--json and --plot both name {json_path}: the record and the plot are two files.")
+    if plot_path is not None and not DRAWN.intersection(parts):
+        raise UserError(f"--plot {plot_path}: of {' and '.join(parts)} there is nothing to draw.")
     check_plot(plot_path)
     check_record(record, quick, only)
     if record and not isinstance(which, int):
         raise UserError(
             "--record keeps records of the project's own chapters: write that of a fork by --json FILE."
         )
-    if plot_path is not None and not DRAWN.intersection(parts):
-        raise UserError(f"--plot {plot_path}: of {' and '.join(parts)} there is nothing to draw.")
     with Steps() as steps:
         effort = bench_points.QUICK if quick else bench_points.FULL
         made = measure(which, backend, scene, size, effort, steps, parts, truth)
