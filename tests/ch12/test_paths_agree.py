@@ -63,23 +63,19 @@ def test_strategies_lights_roulette_and_sequences_agree(seen_room, samples):
     assert not np.array_equal(pictures[0], pictures[4]) and roulette > 0.95 * mis
 
 
+@pytest.mark.long
 @pytest.mark.variants("vulkan")
 @SAMPLES
-def test_every_way_and_opengl_have_the_same_mean(request, chapter, seen_room, samples):
-    """Hits differ by roundings, and then all of a path. Each has random numbers of its own here.
-
-    A cold driver takes 7 s for the kernel of a way: without --long the first way is held to the last alone.
-    """
-    long = request.config.getoption("--long")
+def test_every_way_and_opengl_have_the_same_mean(chapter, gl_context, seen_room, samples):
+    """Hits differ by roundings, and then all of a path. Each has random numbers of its own here."""
     more = {"path_samples": samples, "path_bounces": BOUNCES, "path_roulette": BOUNCES}
-    ways = ways_of(chapter)[1:] if long else ways_of(chapter)[-1:]  # `seen_room` has the first one
+    ways = ways_of(chapter)[1:]  # `seen_room` has the first one
     pictures = runs_of(seen_room, CORNER, path_samples=samples)
     for seed, way in enumerate(ways, 1):
         pictures += runs(chapter, room(), CORNER, each=[{"path_seed": seed}], ray_way=way, **more)
-    if long:
-        other = Chapter(chapter.which, "gl", request.getfixturevalue("gl_context"))
-        pictures += runs(other, room(), CORNER, each=[{"path_seed": 9}], **more)
-    assert len(pictures) == len(ways) + 1 + long and not np.array_equal(pictures[0], pictures[-1])
+    other = Chapter(chapter.which, "gl", gl_context)
+    pictures += runs(other, room(), CORNER, each=[{"path_seed": 9}], **more)
+    assert len(pictures) == len(ways) + 2 and not np.array_equal(pictures[0], pictures[-1])
     assert_same(pictures)
 
 

@@ -81,7 +81,7 @@ def scores(case: Case, first, second):
     return (mean - other)[noisy] / np.hypot(error, floor)[noisy]
 
 
-@pytest.mark.parametrize("name", ["many lamps", "bank of fog"])
+@pytest.mark.parametrize("name", [pytest.param("many lamps", marks=pytest.mark.long), "bank of fog"])
 def test_pictures_are_those_of_another_path_tracer(chapter, name):
     """With all kinds of light between them; light that is reflected once is less by more than noise."""
     (case,) = (it for it in CASES if it.name == name)
