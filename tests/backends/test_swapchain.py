@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 import pytest
 
@@ -21,9 +19,8 @@ from chapters.ch01.renderer import Renderer
 from common.errors import StaleFrameError, UnsupportedError, UserError
 from common.scene import Light, Material
 from tests.support.devices import described
-from tests.support.display import screenshot, virtual_display
+from tests.support.display import seen, shows, virtual_display
 from tests.support.scenes import facing, quad_scene
-from tests.support.timing import PATIENCE_S
 
 SIZE = (160, 100)
 OPEN = 2**32 - 1
@@ -132,24 +129,6 @@ def scene():
 
 def open_renderer(screen, size=SIZE, outputs=("color",), **more):
     return Renderer(scene(), size, outputs=outputs, device=screen.device, presents=True, **more)
-
-
-def seen(display, size, expected):
-    """Whether `expected(picture)` becomes true of the top left (width, height) pixels of the screen.
-
-    The display takes its time, in a thread of the driver and a process of its own.
-    """
-    deadline = time.monotonic() + PATIENCE_S
-    while not expected(screenshot(display, size)):
-        if time.monotonic() > deadline:
-            return False
-        time.sleep(0.01)
-    return True
-
-
-def shows(display, picture):
-    """Whether the screen comes to show exactly `picture`, at its top left."""
-    return seen(display, picture.shape[1::-1], lambda pixels: np.array_equal(pixels, picture))
 
 
 @pytest.mark.runs_on("vulkan")

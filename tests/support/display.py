@@ -6,12 +6,15 @@ import ctypes
 import os
 import shutil
 import subprocess
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 import pytest
+
+from tests.support.timing import PATIENCE_S
 
 SIZE = (800, 600)
 VARIABLES = ("DISPLAY", "WAYLAND_DISPLAY", "XDG_SESSION_TYPE")
@@ -54,6 +57,25 @@ def screenshot(display: str, size: tuple[int, int]) -> np.ndarray:
 
     whole = np.asarray(ImageGrab.grab(xdisplay=display).convert("RGB"))
     return whole[: size[1], : size[0]].copy()
+
+
+def seen(display: str, size: tuple[int, int], expected: Callable[[np.ndarray], bool]) -> bool:
+    """Whether `expected(picture)` becomes true of the top left (width, height) pixels of the screen.
+
+    The display takes its time: a thread of the driver and the X server's process bring a presented picture there after
+    the device has finished.
+    """
+    deadline = time.monotonic() + PATIENCE_S
+    while not expected(screenshot(display, size)):
+        if time.monotonic() > deadline:
+            return False
+        time.sleep(0.01)
+    return True
+
+
+def shows(display: str, picture: np.ndarray) -> bool:
+    """Whether the screen comes to show exactly `picture`, (H, W, 3) uint8, at its top left."""
+    return seen(display, picture.shape[1::-1], lambda pixels: np.array_equal(pixels, picture))
 
 
 # --- events, as in Xlib.h: XKeyEvent, XButtonEvent, XFocusChangeEvent, XClientMessageEvent ----------------------------

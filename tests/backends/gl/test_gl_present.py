@@ -11,7 +11,7 @@ from backends.gl.resources import create_image, destroy_image, write_image
 from backends.gl.targets import create_framebuffer, destroy_framebuffer
 from backends.gl.window import present
 from common.errors import UnsupportedError
-from tests.support.display import screenshot, virtual_display
+from tests.support.display import screenshot, shows, virtual_display
 from tests.support.gl_functions import assert_silent
 
 SIZE = (40, 24)
@@ -57,8 +57,7 @@ def test_a_window_shows_the_picture_upright(gl_context):
                 window.poll()
                 present.present(context, framebuffer, window.handle, size)
             context.wait_idle()
-            shown = screenshot(display, SIZE)
-            assert np.array_equal(shown, picture()[..., :3])
+            assert shows(display, picture()[..., :3])
             window.resize((80, 48))
             for _ in range(20):
                 window.wait(0.02)
