@@ -16,6 +16,7 @@ from tests.cli.test_bench_compare import made, point
 from tests.support.scenes import nodes_at, quad_scene
 from tests.support.shadows import placed, sun
 from tools.bench import all_chapters, bench, truth
+from tools.bench.plot_chapters import plot_all
 from tools.bench.points import QUICK, Subject
 from tools.run.run import open_device
 
@@ -82,7 +83,8 @@ def test_a_quick_look_says_what_errors_are_against(strata):
     [
         ("bench 1 --truth paths", "There is no truth 'paths'"),
         ("bench 1 --truth path-tracer --record", "leave out --truth, or --record"),
-        ("bench 1 --truth path-tracer --only start --plot a.png", "nothing to draw"),
+        ("bench 1 --truth path-tracer --only start", "is for pictures of the part settings"),
+        ("bench --all --truth path-tracer --only start", "is for pictures of the part settings"),
         ("bench --all --plot a.png", "--truth path-tracer"),
         ("bench --all --truth path-tracer --plot a.txt", "write one of"),
     ],
@@ -101,12 +103,12 @@ def test_one_plot_has_the_presets_of_all_chapters(tmp_path):
         for number in (1, 2)
         for api in ("vulkan", "gl")
     ]
-    truth.plot_all(tmp_path / "all.svg", records)
+    plot_all(tmp_path / "all.svg", records)
     drawn = (tmp_path / "all.svg").read_text("utf-8")
     for words in ("chapter 1, vulkan", "chapter 2, gl", "By design chapters 1, 2: no shadows."):
         assert words in drawn
     with pytest.raises(UserError, match="nothing to draw"):
-        truth.plot_all(tmp_path / "none.svg", [])
+        plot_all(tmp_path / "none.svg", [])
 
 
 def test_errors_of_a_record_are_told_with_their_truth():

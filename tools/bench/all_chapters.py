@@ -29,6 +29,7 @@ from common.reports.tables import table
 from tools.bench import bench
 from tools.bench import truth as bench_truth
 from tools.bench.lessons.parts import PARTS, parts_of
+from tools.bench.plot_chapters import plot_all
 from tools.bench.points import FULL
 from tools.bench.report import show
 from tools.cli.console import Steps, err, out, say
@@ -70,7 +71,7 @@ def run(
     are held to; with a traced one `plot_path` gets the presets of all chapters. Raises UserError for a wrong argument,
     UnsupportedError where nothing can be measured, before anything is.
     """
-    bench_truth.check(truth, record)
+    bench_truth.check(truth, record, only)
     bench.check_plot(plot_path)
     bench.check_paths(json_path, plot_path)
     bench.check_record(record, quick, only)
@@ -115,7 +116,7 @@ def run(
     elif json_path is not None:
         bench.write_record(json_path, found)
     if plot_path is not None:
-        bench_truth.plot_all(plot_path, records)
+        plot_all(plot_path, records)
     to = err if json_path == STDOUT else out
     for made in records if only else ():
         show(made, to)

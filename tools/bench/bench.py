@@ -62,7 +62,7 @@ def run(
     held to. Raises UserError for a wrong argument, before anything is measured.
     """
     api = chapters.choose_backend(backend)
-    bench_truth.check(truth, record)
+    bench_truth.check(truth, record, only)
     parts = parts_of(which, api, only or judged_parts(truth))
     check_paths(json_path, plot_path)
     if json_path is not None and plot_path is not None and json_path.absolute() == plot_path.absolute():
