@@ -26,6 +26,7 @@ from tools.site.figures.ch08.snapping import SNAPPING
 from tools.site.figures.ch09.feedback import TURNS
 from tools.site.figures.ch10.jitter import JITTER
 from tools.site.figures.ch11 import walk as ch11_walk
+from tools.site.figures.ch12 import converges as ch12_converges
 from tools.site.figures.culling import CULLING
 from tools.site.figures.film import SCHEMES, Loop, Picture, animated
 
@@ -286,7 +287,11 @@ CLOTH = Loop(
     "A flag of cloth in the wind", "cloth.png", CLOTH_SIZE, CLOTH_FRAMES, lambda c, n: None, CLOTH_RATE
 )
 """What a README says of the cloth's film, which has one file for both schemes."""
-RENDERED = {"ch05-cloth-loop": CLOTH, "ch11-walk-loop": ch11_walk.WALK}
+RENDERED = {
+    "ch05-cloth-loop": CLOTH,
+    "ch11-walk-loop": ch11_walk.WALK,
+    "ch12-converges-loop": ch12_converges.CONVERGES,
+}
 """The loops that a renderer draws, each with one file."""
 
 
@@ -314,4 +319,7 @@ def files() -> dict[str, tuple[Callable[[], bytes], list[Path]]]:
     along = [HERE / "film.py", HERE / "ch11" / "walk.py"]
     drawn = [*inputs.chapter(ch11_walk.CHAPTER), *inputs.scene(ch11_walk.SCENE)]
     found["ch11-walk-loop.webp"] = (ch11_walk.walk, [*along, *drawn])
+    box = [*inputs.chapter(ch12_converges.CHAPTER), *inputs.scene(ch12_converges.SCENE)]
+    made = [HERE / "film.py", HERE / "ch12" / "converges.py"]
+    found["ch12-converges-loop.webp"] = (ch12_converges.converges, [*made, *box])
     return found
