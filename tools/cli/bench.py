@@ -190,7 +190,7 @@ def reference(
         Path | None,
         typer.Option(
             metavar="FILE.toml",
-            help="Trace all references of a file, which names chapters, scenes, cameras and settings; writes a table too.",
+            help="Trace the references of a file with chapters, scenes, cameras and settings, and write a table.",
             show_default=False,
         ),
     ] = None,
@@ -225,8 +225,9 @@ def reference(
         refuse(given - OF_SWEEPS, chapter, f"--sweep {sweep} says itself what is traced")
         from tools.reference.sweep import command as sweeping
 
-        asked = {"out": out, "backend": backend, "workers": workers, "cluster": cluster}
-        return sweeping.run(sweeping.Request(sweep, **asked, cached=not no_cache, verbose=verbose))
+        return sweeping.run(
+            sweeping.Request(sweep, out, backend, workers, cluster, cached=not no_cache, verbose=verbose)
+        )
     refuse(given & {"--workers", "--cluster"}, None, "Workers trace sweeps alone, of --sweep FILE")
     if chapter is None:
         raise UserError(

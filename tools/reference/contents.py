@@ -51,7 +51,8 @@ def facts_of(
 ) -> dict[str, str]:
     """Return what the sums of paths depend on, by words of a sentence; `settings` are those of the path tracer.
 
-    `hashed` is the `scene_hash`, where that is known already. The device is none of it: sums may go on on another one, and name all that had a part in them.
+    `hashed` is the `scene_hash`, where that is known already. The device is none of it: sums may go on on another one,
+    and name all that had a part in them.
     """
     values = {name: value for name, value in flat(settings).items() if keyed(name)}
     camera = [

@@ -7,7 +7,7 @@
     table      one row for each reference
     command    `strata reference --sweep FILE`
 
-A part is a run of the blocks of paths that `strata reference` would trace one after the other (`sums.block_after`).
-Its random numbers follow from the numbers of its paths, and its blocks are added in 64 bits in the order of their paths.
-So a sweep has the bits of one process, as long as all workers have the same driver and the same kind of processor.
+A part is a run of the blocks of paths that `strata reference` would trace one after the other (`sums.block_after`). Its
+random numbers follow from the numbers of its paths, and its blocks are added in 64 bits in the order of their paths. So
+a sweep has the bits of one process, as long as all workers have the same driver and the same kind of processor.
 """

@@ -77,7 +77,7 @@ KEYS: dict[str, tuple[Callable[[Any], bool], str]] = {
     "error": (is_number, "a number"),
     "paths": (is_whole, "a whole number"),
 }
-"""What a reference may say -> whether a value is of the right kind, and what to write. In the order of names of files."""
+"""What a reference may say -> whether a value is of the right kind, and what to write; in the order of files' names."""
 
 NEEDED = ("chapter", "scene")
 ALONE = {"name", "format"}
@@ -214,8 +214,8 @@ def _named(path: Path, entries: Sequence[Entry]) -> tuple[Entry, ...]:
         other = named.setdefault(name.casefold(), Entry(entry.where, values, name))
         if other.values is not values:
             raise UserError(
-                f"{path}: two references would be written to {name}: {_told(other)}; and {_told(entry)}. Leave one out, "
-                "or give them names: name = ... below a [[reference]] each."
+                f"{path}: two references would be written to {name}: {_told(other)}; and {_told(entry)}. "
+                "Leave one out, or give them names: name = ... below a [[reference]] each."
             )
     return tuple(named.values())
 

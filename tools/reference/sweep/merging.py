@@ -1,7 +1,7 @@
 """References while they are traced: parts are handed out, and merged in the order of their paths.
 
-What stops a reference is decided by its merged paths alone, as `tracing.trace` does it: parts that were handed out ahead
-and lie beyond are dropped. So neither the number of workers nor the order in which they finish changes a bit.
+What stops a reference is decided by its merged paths alone, as `tracing.trace` does it: parts that were handed out
+ahead and lie beyond are dropped. So neither the number of workers nor the order in which they finish changes a bit.
 """
 
 from __future__ import annotations
@@ -86,15 +86,13 @@ class Reference:
         assert self.keeper is not None
         self.flying.discard(part.key)
         self._ahead[part.first] = blocks
-        while not self.done and self.keeper.sums.paths in self._ahead:
-            first = self.keeper.sums.paths
-            found, merged = self._ahead.pop(first), self._parts.pop(first)
+        while (first := self.keeper.sums.paths) in self._ahead:
+            merged, found = self._parts.pop(first), self._ahead.pop(first)
             self._seconds += found.seconds
             for count, (light, squares) in zip(merged.counts, found.sums, strict=True):
                 self.keeper.sums = self.keeper.sums.plus(light, squares, count, found.device)
-                self._judge()
-                if self.done:
-                    break
+                if self._judge():
+                    return
         self._keep_sometimes()
 
     def end(self) -> Finished:
@@ -107,8 +105,8 @@ class Reference:
         error = sums.error(self.scale) if sums.paths else 1.0
         return Finished(sums, error, self._seconds)
 
-    def _judge(self) -> None:
-        """Find out whether the merged paths suffice."""
+    def _judge(self) -> bool:
+        """Find out whether the merged paths suffice, and return it."""
         assert self.keeper is not None
         sums, request = self.keeper.sums, self.request
         found = judged(sums, self.scale)
@@ -119,6 +117,7 @@ class Reference:
         elif math.isfinite(found):
             needed = sums.paths * (found / request.error) ** 2
             self.part_of_whole = sums.paths / min(needed, request.paths)
+        return self.done
 
     def _keep_sometimes(self) -> None:
         assert self.keeper is not None
@@ -219,7 +218,7 @@ class Merging:
         self._waiting.remove(reference)
 
     def _tell(self) -> None:
-        """Say how far the sweep is, and how long the rest takes: the first part, in which drivers compile, has no time."""
+        """Say how far the sweep is and how long the rest takes, without the first part, in which drivers compile."""
         behind = sum(reference.part_of_whole for reference in self._references) / len(self._references)
         ended = len(self._references) - len(self._waiting)
         text = f"{ended} of {len(self._references)} references, {self._parts} parts"

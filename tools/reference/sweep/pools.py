@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import os
 import queue
 import re
 import uuid
@@ -146,6 +147,7 @@ class Workers:
                 memory_limit=None,  # else Dask ends workers that it thinks too large
                 silence_logs=SILENT,
                 preload="tools.reference.sweep.work",
+                env=_own_threads(count),
             )
         )
         return self._stack.enter_context(self._dask.Client(self.cluster, set_as_default=False))
@@ -153,6 +155,7 @@ class Workers:
     def _connected(self, address: str) -> Any:
         """Return a client of the scheduler at an address. Raises UserError where it cannot be used."""
         try:
+            asyncio.run(asyncio.wait_for(self._answer(address), ANSWER_S))
             client = self._dask.Client(address, timeout=ANSWER_S, set_as_default=False)
         except (OSError, TimeoutError):
             raise UserError(
@@ -172,13 +175,23 @@ class Workers:
             found = {"the scheduler": client.run_on_scheduler(version), **client.run(version)}
         except Exception as error:  # whatever a process without our modules makes of them
             raise UserError(
-                f"--cluster {address} cannot import Strata ({error}): start scheduler and workers by `python -m dask` in "
-                "its folder."
+                f"--cluster {address} cannot import Strata ({error}): start scheduler and workers by `python -m dask` "
+                "in its folder."
             ) from None
         other = sorted(name for name, text in found.items() if text != version())
         if other:
             raise UserError(f"--cluster {address}: {', '.join(other)} has another version of Strata.")
         return client
+
+    async def _answer(self, address: str) -> None:
+        """Ask a scheduler for its name: Dask's client waits for ever where something listens and says nothing."""
+        core = self._dask.core
+        security = self._dask.Security().get_connection_args("client")
+        comm = await core.connect(address, timeout=ANSWER_S, **security)
+        try:
+            await core.send_recv(comm, op="identity", reply=True)
+        finally:
+            comm.abort()
 
     @property
     def workers(self) -> int:
@@ -195,16 +208,16 @@ class Workers:
     def outcomes(self) -> list[Outcome]:
         """Wait a while for parts that are done, or that failed. Raises UserError where the cluster is gone."""
         try:
-            part, future = self._done.get(timeout=WAIT_S)
+            part, done = self._done.get(timeout=WAIT_S)
         except queue.Empty:
             if self._client.status == "closed":
                 raise UserError(self._gone()) from None
             return []
-        if self._futures.get(part.key) is not future:  # it was dropped
+        if self._futures.get(part.key) is not done:  # it was dropped
             return []
         del self._futures[part.key]
         try:
-            return [(part, future.result())]
+            return [(part, done.result())]
         except self._dask.KilledWorker:
             return [(part, UserError(f"{_spoken(part)} ended {DEATHS} workers, one after the other"))]
         except StrataError as error:
@@ -220,6 +233,13 @@ class Workers:
 
     def _gone(self) -> str:
         return f"--cluster {self._address} went away." if self._address else "The workers went away."
+
+
+def _own_threads(workers: int) -> dict[str, str]:
+    """Return variables by which Mesa's software drivers share the processor; other drivers do not know them."""
+    if "LP_NUM_THREADS" in os.environ:
+        return {}
+    return {"LP_NUM_THREADS": str(max((os.cpu_count() or 1) // workers, 1))}
 
 
 def version() -> str:
@@ -241,8 +261,8 @@ def check_versions(address: str, found: dict[str, Any]) -> None:
         for package, wanted in own.items():
             if (version_there := _versions(told).get(package)) != wanted:
                 raise UserError(
-                    f"--cluster {address}: {name} has {package} {version_there}, and here is {wanted}: install the same "
-                    "versions on all machines."
+                    f"--cluster {address}: {name} has {package} {version_there}, and here is {wanted}: install "
+                    "the same versions on all machines."
                 )
 
 

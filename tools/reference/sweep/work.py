@@ -33,7 +33,7 @@ Float32 = NDArray[np.float32]
 
 MOST_BLOCKS = 16
 MOST_BYTES = 64 << 20
-"""A part has no more blocks, bytes of results, or paths of all pixels than one block may have, unless it is one block."""
+"""A part has no more blocks and bytes of results, unless it is one block, and no more paths than one block may have."""
 
 BYTES_OF_PIXEL = 24
 RENDERERS, SCENES = 4, 2
