@@ -32,7 +32,7 @@ camera = ["", "1,0.5,3:0,0.8,0", "0.5,0.6,2.5:0,0.5,0"]
 size = "16x16"
 seed = [0, 1, 2, 7]
 settings = [{}, {path_bounces = 2}]
-paths = 6
+paths = 3
 error = 0
 format = "npy"
 """
@@ -101,15 +101,30 @@ def on_outcomes(monkeypatch, kind, number, act):
 # --- the bits ---
 
 
+@pytest.fixture(scope="module")
+def one_process(vulkan_instance, tmp_path_factory):
+    """The 24 references of one process, which keeps nothing: the folder."""
+    folder = tmp_path_factory.mktemp("one")
+    (folder / "s.toml").write_text(TWENTY_FOUR)
+    asked = command.Request(folder / "s.toml", folder / "out", workers=0, cached=False)
+    assert command.run(asked) == 0
+    return folder / "out"
+
+
+def test_each_reference_of_a_sweep_is_the_one_of_strata_reference(one_process, kept):
+    """That opens a renderer of its own, and this one took over knobs, camera and seed of others."""
+    assert not [*kept.iterdir()] and len({*pictures(one_process).values()}) == 24
+    options = {"paths": 3, "seed": 7, "cached": False, "overrides": ["path_bounces=2"]}
+    alone, _ = tracing.reference(1, scenes.load("cornell"), "1,0.5,3:0,0.8,0", (16, 16), 0.0, **options)
+    name = "ch01-cornell-camera-1-0.5-3-0-0.8-0-seed-7-settings-path_bounces-2.npy"
+    assert np.array_equal(np.load(one_process / name), alone)
+
+
 @pytest.mark.needs("distributed")
 def test_24_references_on_two_workers_are_those_of_one_process_though_a_worker_is_killed(
-    strata, kept, tmp_path, monkeypatch
+    one_process, strata, kept, tmp_path, monkeypatch
 ):
-    code, out, err = sweep(strata, tmp_path, TWENTY_FOUR, "one", "--workers", 0, "--no-cache")
-    assert code == 0, err
-    assert out == "" and "24 references of s.toml: 3 cameras, 4 seeds, 2 settings; traced in this" in err
-    assert not [*kept.iterdir()]
-    monkeypatch.setattr(work, "MOST_BLOCKS", 4)  # two parts for each
+    monkeypatch.setattr(work, "MOST_BLOCKS", 2)  # two parts for each
     killed = []
 
     def kill(pool):
@@ -117,21 +132,15 @@ def test_24_references_on_two_workers_are_those_of_one_process_though_a_worker_i
         killed.append(nanny.pid)
         os.kill(nanny.pid, getattr(signal, "SIGKILL", signal.SIGTERM))
 
-    on_outcomes(monkeypatch, pools.Workers, 20, kill)
+    on_outcomes(monkeypatch, pools.Workers, 24, kill)
     code, out, err = sweep(strata, tmp_path, TWENTY_FOUR, "two", "--workers", 2, "--no-cache")
     assert code == 0, err
-    assert killed and "traced by 2 workers" in err and "24 of 24 references" in err
-    one, two = pictures(tmp_path / "one"), pictures(tmp_path / "two")
-    assert len(one) == len(set(one.values())) == 24 and one == two
-    for folder in ("one", "two"):
-        table = rows(tmp_path / folder)
-        assert [row["file"] for row in table] == sorted(one, key=[row["file"] for row in table].index)
-        assert {row["paths"] for row in table} == {"6"} and {row["note"] for row in table} == {""}
-    # A renderer of its own, as `strata reference` opens it, traces the same bits.
-    name = "ch01-cornell-camera-1-0.5-3-0-0.8-0-seed-7-settings-path_bounces-2.npy"
-    options = {"paths": 6, "seed": 7, "cached": False, "overrides": ["path_bounces=2"]}
-    alone, _ = tracing.reference(1, scenes.load("cornell"), "1,0.5,3:0,0.8,0", (16, 16), 0.0, **options)
-    assert np.array_equal(np.load(tmp_path / "two" / name), alone)
+    assert killed and out == "" and "24 references of s.toml: 3 cameras, 4 seeds, 2 settings; traced by 2" in err
+    assert pictures(tmp_path / "two") == pictures(one_process) and not [*kept.iterdir()]
+    tables = rows(one_process), rows(tmp_path / "two")
+    for row in (row for table in tables for row in table):
+        assert (row.pop("paths"), row.pop("note")) == ("3", "") and float(row.pop("seconds")) > 0.0
+    assert tables[0] == tables[1] and len(tables[0]) == 24
 
 
 def merged_alone(reference):

@@ -215,9 +215,9 @@ class Workers:
             return []
         if self._futures.get(part.key) is not done:  # it was dropped
             return []
-        del self._futures[part.key]
+        future = self._futures.pop(part.key)
         try:
-            return [(part, done.result())]
+            return [(part, future.result())]
         except self._dask.KilledWorker:
             return [(part, UserError(f"{_spoken(part)} ended {DEATHS} workers, one after the other"))]
         except StrataError as error:
