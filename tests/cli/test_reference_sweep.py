@@ -135,7 +135,9 @@ def test_24_references_on_two_workers_are_those_of_one_process_though_a_worker_i
     on_outcomes(monkeypatch, pools.Workers, 24, kill)
     code, out, err = sweep(strata, tmp_path, TWENTY_FOUR, "two", "--workers", 2, "--no-cache")
     assert code == 0, err
-    assert killed and out == "" and "24 references of s.toml: 3 cameras, 4 seeds, 2 settings; traced by 2" in err
+    assert (
+        killed and out == "" and "24 references of s.toml: 3 cameras, 4 seeds, 2 settings; traced by 2" in err
+    )
     assert pictures(tmp_path / "two") == pictures(one_process) and not [*kept.iterdir()]
     tables = rows(one_process), rows(tmp_path / "two")
     for row in (row for table in tables for row in table):
