@@ -140,7 +140,7 @@ def test_24_references_on_two_workers_are_those_of_one_process_though_a_worker_i
     )
     assert pictures(tmp_path / "two") == pictures(one_process) and not [*kept.iterdir()]
     tables = rows(one_process), rows(tmp_path / "two")
-    for row in (row for table in tables for row in table):
+    for row in (row for each in tables for row in each):
         assert (row.pop("paths"), row.pop("note")) == ("3", "") and float(row.pop("seconds")) > 0.0
     assert tables[0] == tables[1] and len(tables[0]) == 24
 

@@ -60,13 +60,17 @@ def run(request: Request) -> int:
     with Steps() as steps:
         references, told = _prepared(sweep, wanted, request, steps)
         steps("start", 0.1)
-        with _pool(request) as pool:
+        last_words = LastWords(request, references)
+        pool = _pool(request)
+        pool.start()
+        # The pool may take seconds to end its workers; Ctrl-C does not wait for that.
+        with prompt_stop(last_words.say), pool:
             steps.finish()
             counts = sweep.counts()
             several = f": {counts}" if counts else ""
             say(f"strata: {_counted(len(wanted))} of {request.file}{several}; {pool.where}, into {folder}.")
             _make(folder)
-            return _traced(request, references, told, pool, folder)
+            return _traced(references, told, pool, folder, last_words)
 
 
 def _check(request: Request) -> None:
@@ -166,7 +170,7 @@ def _make(folder: Path) -> None:
 
 
 def _traced(
-    request: Request, references: list[Reference], told: list[Told], pool: Here | Workers, folder: Path
+    references: list[Reference], told: list[Told], pool: Here | Workers, folder: Path, last_words: LastWords
 ) -> int:
     """Trace, write each reference as it is finished, and say what became of all; return the exit code."""
     rows: dict[int, dict[str, object]] = {}
@@ -195,6 +199,7 @@ def _traced(
         except UserError:
             del rows[reference.number]
             raise
+        last_words.finished = len(rows)
         write_rows()
 
     def progress(part: float, detail: str) -> None:
@@ -205,40 +210,48 @@ def _traced(
                 say(f"strata: sums cannot be kept ({problem}): tracing goes on, and they stay in memory.")
         advance(part, detail)
 
-    def last_words() -> str:
-        return _kept_words(request, references, len(rows))
-
-    with Steps() as steps, prompt_stop(last_words):
+    with Steps() as steps:
         advance: Any = steps.of("trace", 0.0, 1.0)
         merging = Merging(references, pool, ended, progress)
         try:
             merging.run()
         except BaseException:
             steps.finish()
-            say(last_words())
+            words = last_words.say()
+            say(words) if words else None
             raise
     return _tell(references, rows, written)
 
 
-def _kept_words(request: Request, references: list[Reference], finished: int) -> str:
-    """Keep what is merged, and return a sentence on it: after Ctrl-C, or where an error ends the sweep."""
-    lost = 0
-    for reference in references:
-        keeper, target = reference.keeper, reference.request.out
-        if keeper is None or not keeper.sums.paths or keeper.keep():
-            continue
-        assert target is not None, "request_of names it"
-        beside = target.with_name(f"{target.name}.npz")
-        if not keeper.keep_beside(beside):
-            lost += 1
-        else:
-            say(
-                f"strata: its sums are kept in {beside}: --sums {beside} of `strata reference` goes on with them."
-            )
-    words = f"strata: {finished} of {_counted(len(references))} are written"
-    if lost:
-        return f"{words}; the sums of {lost} could be kept nowhere."
-    return f"{words}; the same command goes on with the rest." if request.cached else f"{words}."
+class LastWords:
+    """What becomes of a sweep that Ctrl-C or an error ends; `finished` references are written."""
+
+    def __init__(self, request: Request, references: list[Reference]) -> None:
+        self._request, self._references = request, references
+        self._said = False
+        self.finished = 0
+
+    def say(self) -> str:
+        """Keep what is merged, and return a sentence on it: once, and "" then."""
+        lost = 0
+        for reference in self._references:
+            keeper, target = reference.keeper, reference.request.out
+            if keeper is None or not keeper.sums.paths or keeper.keep():
+                continue
+            assert target is not None, "request_of names it"
+            beside = target.with_name(f"{target.name}.npz")
+            lost += not keeper.keep_beside(beside)
+            if beside.exists() and not self._said:
+                say(
+                    f"strata: sums are kept in {beside}: --sums {beside} of `strata reference` goes on with them."
+                )
+        if self._said:
+            return ""
+        self._said = True
+        words = f"strata: {self.finished} of {_counted(len(self._references))} are written"
+        if lost:
+            return f"{words}; the sums of {lost} could be kept nowhere."
+        return f"{words}; the same command goes on with the rest." if self._request.cached else f"{words}."
 
 
 def _tell(references: list[Reference], rows: dict[int, dict[str, object]], written: Path) -> int:

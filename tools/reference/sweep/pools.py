@@ -7,12 +7,16 @@ import logging
 import os
 import queue
 import re
+import signal
+import sys
+import threading
 import uuid
 import warnings
 from collections import deque
 from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager
+from multiprocessing import resource_tracker
 from typing import Any, Protocol
 
 from common import packages
@@ -68,6 +72,9 @@ class Here:
         self._tracer = Tracer()
         self._parts: deque[Part] = deque()
 
+    def start(self) -> None:
+        """Do nothing: a device is opened for the first part."""
+
     def __enter__(self) -> Here:
         return self
 
@@ -108,7 +115,8 @@ class Workers:
         """Dask's cluster of this machine, or None."""
         self.where = ""
 
-    def __enter__(self) -> Workers:
+    def start(self) -> None:
+        """Start workers, or connect to them. Raises UserError. To be followed by `with`, which closes them."""
         option = f"--workers {self._count}" if self._address is None else f"--cluster {self._address}"
         try:
             self._dask: Any = packages.load("distributed")
@@ -120,7 +128,8 @@ class Workers:
         try:
             self._stack.enter_context(_silent())
             if self._address is None:
-                self._client = self._started(self._count)
+                with _uninterrupted():
+                    self._client = self._started(self._count)
             else:
                 self._client = self._connected(self._address)
         except BaseException:
@@ -129,6 +138,8 @@ class Workers:
         count = self.workers
         of = "" if self._address is None else f" of {self._address}"
         self.where = f"traced by {count} worker{'s' * (count > 1)}{of}"
+
+    def __enter__(self) -> Workers:
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -275,6 +286,44 @@ def _versions(told: dict[str, Any]) -> dict[str, str]:
 
 def _spoken(part: Part) -> str:
     return f"the part with its paths {part.first} to {part.end - 1}"
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Have Ctrl-C wait until workers are started, and not reach these, nor those that take their places.
+
+    A terminal sends it to all processes. Threads and processes that are started here inherit what is blocked.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    _start_tracker()
+    came: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, frame: came.append(number))
+    mask = getattr(signal, "pthread_sigmask", None)  # Windows has none
+    blocked = mask(signal.SIG_BLOCK, {signal.SIGINT}) if mask else None
+    try:
+        yield
+    finally:
+        if mask:
+            mask(signal.SIG_SETMASK, blocked)
+        signal.signal(signal.SIGINT, before)
+    if came:
+        raise KeyboardInterrupt
+
+
+def _start_tracker() -> None:
+    """Start the process that removes what others leave behind, without its warning: `prompt_stop` leaves semaphores."""
+    variable = "PYTHONWARNINGS"
+    before = os.environ.get(variable)
+    os.environ[variable] = "ignore::UserWarning"
+    try:
+        if sys.platform != "win32":
+            resource_tracker.ensure_running()
+    finally:
+        del os.environ[variable]
+        if before is not None:
+            os.environ[variable] = before
 
 
 @contextmanager
