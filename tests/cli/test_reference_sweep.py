@@ -263,6 +263,14 @@ def test_ctrl_c_keeps_what_is_merged_and_the_same_command_goes_on(
     assert pictures(tmp_path / "a") == pictures(tmp_path / "whole") and len(rows(tmp_path / "a")) == 4
 
 
+def test_ctrl_c_waits_for_workers_that_start():
+    done = []
+    with pytest.raises(KeyboardInterrupt), pools._uninterrupted():
+        signal.raise_signal(signal.SIGINT)
+        done.append(True)
+    assert done == [True] and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
 def full(monkeypatch, folder):
     """Have the disk of a folder full."""
 
@@ -315,11 +323,12 @@ def test_a_picture_that_cannot_be_written_costs_that_reference_alone(strata, kep
 def test_a_part_that_ends_every_worker_is_given_up_and_the_rest_is_written(
     strata, kept, tmp_path, monkeypatch
 ):
+    monkeypatch.setattr(pools, "DEATHS", 2)  # three take longer
     monkeypatch.setattr(command, "Workers", partial(pools.Workers, run=sweep_parts.blocks_or_end))
     code, out, err = sweep(strata, tmp_path, FOUR, "a", "--workers", 2)
     assert (code, out) == (2, "")
     assert "ch01-cornell-seed-1 could not be made: the part with its paths 16 to " in err.splitlines()[-1]
-    assert " ended 3 workers, one after the other. Sums that are merged are kept." in err.splitlines()[-1]
+    assert " ended 2 workers, one after the other. Sums that are merged are kept." in err.splitlines()[-1]
     assert [row["seed"] for row in rows(tmp_path / "a")] == ["0", "2", "3"]
     assert len([*kept.iterdir()]) == 4  # of the other one, the part before
 
