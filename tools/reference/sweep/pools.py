@@ -229,8 +229,9 @@ class Workers:
         future = self._futures.pop(part.key)
         try:
             return [(part, future.result())]
-        except self._dask.KilledWorker:
-            return [(part, UserError(f"{_spoken(part)} ended {DEATHS} workers, one after the other"))]
+        except self._dask.KilledWorker as killed:
+            deaths = killed.allowed_failures + 1
+            return [(part, UserError(f"{_spoken(part)} ended {deaths} workers, one after the other"))]
         except StrataError as error:
             return [(part, error)]
         except (CancelledError, asyncio.CancelledError):
@@ -329,12 +330,14 @@ def _start_tracker() -> None:
 @contextmanager
 def _silent() -> Iterator[None]:
     """Have Dask print nothing of its own: what matters is said in sentences of ours."""
-    logger = logging.getLogger("distributed")
-    before = logger.level
-    logger.setLevel(SILENT)
+    names = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] == "distributed"]
+    before = {name: logging.getLogger(name).level for name in {"distributed", *names}}
+    for name in before:  # Dask's configuration gives some a level of their own
+        logging.getLogger(name).setLevel(SILENT)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", module=r"(dask|distributed|tornado)\b")
         try:
             yield
         finally:
-            logger.setLevel(before)
+            for name, level in before.items():
+                logging.getLogger(name).setLevel(level)
