@@ -265,9 +265,14 @@ def test_ctrl_c_keeps_what_is_merged_and_the_same_command_goes_on(
 
 def test_ctrl_c_waits_for_workers_that_start():
     done = []
-    with pytest.raises(KeyboardInterrupt), pools._uninterrupted():
-        signal.raise_signal(signal.SIGINT)
-        done.append(True)
+
+    def start():
+        with pools._uninterrupted():
+            signal.raise_signal(signal.SIGINT)
+            done.append(True)
+
+    with pytest.raises(KeyboardInterrupt):
+        start()
     assert done == [True] and signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
