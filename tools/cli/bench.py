@@ -8,10 +8,13 @@ from typing import Annotated, Any
 import typer
 
 from common.errors import UserError
-from tools.cli.options import Backend, Camera, Chapter, Environment, Scene, Set, Size
+from tools.cli.options import Backend, Camera, Environment, Scene, Set, Size
 
-OPTIONS = {"json_": "--json", "all_": "--all"}
+OPTIONS = {"json_": "--json", "all_": "--all", "set_": "--set", "filter_": "--filter"}
 """Options whose parameter has another name, since Python has a use for theirs."""
+
+OF_SWEEPS = {"--sweep", "--out", "--backend", "--workers", "--cluster", "--no-cache", "--verbose"}
+"""What `strata reference` takes beside --sweep."""
 
 
 def bench(
@@ -121,7 +124,15 @@ def refuse(options: set[str], chapter: str | None, why: str) -> None:
 
 
 def reference(
-    chapter: Chapter,
+    context: typer.Context,
+    chapter: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="N|DIR",
+            help="Number of the chapter, 1 or ch01, or the folder of a fork; none with --sweep.",
+            show_default=False,
+        ),
+    ] = None,
     backend: Backend = "auto",
     scene: Scene = "atrium",
     environment: Environment = "none",
@@ -158,9 +169,9 @@ def reference(
     out: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE",
+            metavar="FILE|DIR",
             help="Write .exr (nits, with error, number of paths and notes), .npy (nits alone) or .png (as shown, "
-            "without a tone curve).",
+            "without a tone curve); with --sweep the folder of all.",
             show_default=False,
         ),
     ] = None,
@@ -175,12 +186,54 @@ def reference(
     no_cache: Annotated[
         bool, typer.Option("--no-cache", help="Trace from the first path on, and keep no sums.")
     ] = False,
+    sweep: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.toml",
+            help="Trace the references of a file with chapters, scenes, cameras and settings, and write a table.",
+            show_default=False,
+        ),
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            help="Of a sweep: trace in so many processes of this machine, by Dask (2; 0: in this one).",
+            show_default=False,
+        ),
+    ] = None,
+    cluster: Annotated[
+        str | None,
+        typer.Option(
+            metavar="tcp://HOST:PORT",
+            help="Of a sweep: trace by the workers of this Dask scheduler.",
+            show_default=False,
+        ),
+    ] = None,
     verbose: Annotated[bool, typer.Option("-v", "--verbose", help="Show all notes on the scene.")] = False,
 ) -> int:
     """Trace the scene of a chapter by paths, with its camera and light, until the estimated error is small.
 
     The path tracer is that of chapter 12. Sums of paths are kept, by Ctrl-C too, and go on for a smaller error.
     """
+    given = {
+        OPTIONS.get(name, f"--{name.replace('_', '-')}")
+        for name in context.params
+        if getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE" and name != "chapter"
+    }
+    if sweep is not None:
+        refuse(given - OF_SWEEPS, chapter, f"--sweep {sweep} says itself what is traced")
+        from tools.reference.sweep import command as sweeping
+
+        return sweeping.run(
+            sweeping.Request(sweep, out, backend, workers, cluster, cached=not no_cache, verbose=verbose)
+        )
+    refuse(given & {"--workers", "--cluster"}, None, "Workers trace sweeps alone, of --sweep FILE")
+    if chapter is None:
+        raise UserError(
+            "Name the chapter whose scene is traced, as `strata reference 1`, or a file of many: --sweep FILE."
+        )
+
     import chapters
     from tools.reference import command
     from tools.run import run as running

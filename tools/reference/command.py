@@ -20,6 +20,7 @@ from common.settings import flat
 from tools.cli.console import Steps, say
 from tools.cli.stopping import prompt_stop
 from tools.reference.settings import TRACER, chapter_settings, differences, keyed, tracer_settings
+from tools.reference.sums import Sums
 from tools.reference.tracing import DEFAULT_PATHS, Keeper, Task, cached_path, check_goal, task_of, trace
 from tools.run import run as running
 from tools.run.record import naming, strata_version
@@ -55,7 +56,7 @@ def run(request: Request) -> int:
     """Trace and write what was asked for; return the exit code. Raises StrataError."""
     name = studies.picture_name(request.chapter, request.scene)
     target = request.out or Path("out") / f"{name}-reference.exr"
-    drawn = _drawn(request)
+    drawn = as_drawn(request)
     own, of_paths = _check(request, drawn, target)
     settings = tracer_settings(own, request.filter, request.seed, of_paths)
     with Steps() as steps:
@@ -72,9 +73,9 @@ def run(request: Request) -> int:
         if request.out is None:
             target.parent.mkdir(exist_ok=True)
         told = differences(request.chapter, own, scene)
-        notes = _notes(request, task, keeper, error) | {"leftOutByDesign": told}
+        notes = notes_on_request(request, task, keeper.facts, told) | notes_on_paths(keeper.sums, error)
         try:
-            write(target, task, keeper, notes)
+            write(target, keeper.sums, task.exposure, notes)
         except UserError as failed:
             raise UserError(f"{str(failed).rstrip('.')}. {_where(keeper)}".rstrip()) from None
     _tell(request, keeper, before, error, target)
@@ -83,7 +84,7 @@ def run(request: Request) -> int:
     return 0
 
 
-def _drawn(request: Request) -> running.Request:
+def as_drawn(request: Request) -> running.Request:
     """Return the same as a request of `strata run`, which checks and exposes alike."""
     return running.Request(
         TRACER,
@@ -97,10 +98,15 @@ def _drawn(request: Request) -> running.Request:
     )
 
 
-def _check(request: Request, drawn: running.Request, target: Path) -> tuple[Any, tuple[str, ...]]:
-    """Raise UserError for what is wrong before anything is opened; return settings as `chapter_settings` does."""
+def check_traced(request: Request, drawn: running.Request) -> None:
+    """Raise UserError for what is wrong with the picture that is asked for."""
     running.check(drawn)
     check_goal(request.error, request.paths, request.filter, request.seed)
+
+
+def _check(request: Request, drawn: running.Request, target: Path) -> tuple[Any, tuple[str, ...]]:
+    """Raise UserError for what is wrong before anything is opened; return settings as `chapter_settings` does."""
+    check_traced(request, drawn)
     if request.out is not None:
         images.check_writable(target, PICTURES)
     else:
@@ -168,22 +174,21 @@ def _traced(request: Request, task: Task, keeper: Keeper, target: Path, steps: S
             raise
 
 
-def write(path: Path, task: Task, keeper: Keeper, notes: dict[str, Any]) -> None:
-    """Write a reference in the format of its suffix. Raises UserError.
+def write(path: Path, sums: Sums, exposure: float, notes: dict[str, Any]) -> None:
+    """Write a reference in the format of its suffix; `exposure` is the factor from nits. Raises UserError.
 
     .exr has light in nits, the estimated relative errors of pixels and the numbers of their paths as layers `error`
     and `paths`, and `notes` as attributes of its header. .png has what a screen shows at the view's exposure, without
     a tone curve, and notes as texts; .npy has light alone.
     """
-    sums, suffix = keeper.sums, path.suffix.lower()
-    picture = sums.picture
+    picture, suffix = sums.picture, path.suffix.lower()
     if suffix == ".exr":
-        errors = np.sqrt(sums.squared_errors(task.exposure)).astype(np.float32)
+        errors = np.sqrt(sums.squared_errors(exposure)).astype(np.float32)
         layers = {"": picture, "error": errors, "paths": sums.light[..., 3].astype(np.uint32)}
         images.write_layers(path, layers, notes)
         return
     if suffix == ".png":
-        shown = encode_srgb(np.clip(picture.astype(np.float64) * task.exposure, 0.0, 1.0))
+        shown = encode_srgb(np.clip(picture.astype(np.float64) * exposure, 0.0, 1.0))
         codes = np.rint(255 * shown).astype(np.uint8)
         data = images.encode_png(codes, srgb=True, notes=notes)
     else:
@@ -196,27 +201,33 @@ def write(path: Path, task: Task, keeper: Keeper, notes: dict[str, Any]) -> None
         raise UserError(f"{path} cannot be written: {error.strerror or error}.") from None
 
 
-def _notes(request: Request, task: Task, keeper: Keeper, error: float) -> dict[str, Any]:
-    """Return what a picture says about itself, by names of attributes."""
-    sums = keeper.sums
+def notes_on_request(request: Request, task: Task, facts: dict[str, str], left_out: str) -> dict[str, Any]:
+    """Return what a picture says about what it is of, by names of attributes; `left_out` as `differences` has it."""
     settings = {name: value for name, value in flat(task.settings).items() if keyed(name)}
     return {
         "strata": strata_version(),
         "chapter": str(naming(request.chapter)["chapter"]),
         "scene": task.scene.name,
-        "sceneHash": keeper.facts["scene"],
+        "sceneHash": facts["scene"],
         "camera": request.camera or "",
         "time": f"{request.time:g}",
         "ev100": f"{task.view.ev100:g}",
         "filter": request.filter,
         "seed": str(request.seed),
         "settings": json.dumps(settings, sort_keys=True),
+        "backend": task.backend,
+        "pathTracer": facts["version of the path tracer"],
+        "leftOutByDesign": left_out,
+    }
+
+
+def notes_on_paths(sums: Sums, error: float) -> dict[str, Any]:
+    """Return what a picture says about its paths, by names of attributes."""
+    return {
         "paths": str(sums.paths),
         "pathsLeftOut": str(sums.left_out),
         "estimatedError": f"{error:.6g}",
-        "backend": task.backend,
         "devices": "; ".join(sums.devices),
-        "pathTracer": keeper.facts["version of the path tracer"],
     }
 
 

@@ -41,11 +41,18 @@ ENTRIES = ("paths/paths.comp", "paths/paths.rgen", "rays/hit.rahit", "rays/hit.r
 
 
 def facts_of(
-    scene: Scene, view: View, time: float, size: tuple[int, int], backend: str, settings: Any
+    scene: Scene,
+    view: View,
+    time: float,
+    size: tuple[int, int],
+    backend: str,
+    settings: Any,
+    hashed: str | None = None,
 ) -> dict[str, str]:
     """Return what the sums of paths depend on, by words of a sentence; `settings` are those of the path tracer.
 
-    The device is none of it: sums may go on on another one, and name all that had a part in them.
+    `hashed` is the `scene_hash`, where that is known already. The device is none of it: sums may go on on another one,
+    and name all that had a part in them.
     """
     values = {name: value for name, value in flat(settings).items() if keyed(name)}
     camera = [
@@ -54,7 +61,7 @@ def facts_of(
         float(view.ev100).hex(),
     ]
     return {
-        "scene": scene_hash(scene),
+        "scene": hashed or scene_hash(scene),
         "camera": _short(" ".join(camera).encode()),
         "time": float(time).hex(),
         "size": f"{size[0]}x{size[1]}",

@@ -9,10 +9,13 @@ one with a smaller error goes on with the next paths.
 from __future__ import annotations
 
 import contextlib
+import hashlib
+import platform
 import threading
 import time as clock
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +44,9 @@ MOST_SEED = 2**31
 KEEP_EVERY_S = 30.0
 """Seconds between two times at which sums are written while paths are traced; ten times what that takes, if longer."""
 
+VECTORS = ("sse", "ssse", "avx", "fma", "f16c", "bmi", "asimd", "fp", "sve")
+"""How the features of a processor begin on which a compiled shader's bits may depend."""
+
 CACHE_BYTES = 4 << 30
 """The sums that were needed longest ago are removed from the cache where it is larger."""
 
@@ -56,9 +62,10 @@ class Task:
     backend: str
     settings: Any
 
-    def facts(self) -> dict[str, str]:
-        """Return what its sums depend on."""
-        return contents.facts_of(self.scene, self.view, self.time, self.size, self.backend, self.settings)
+    def facts(self, hashed: str | None = None) -> dict[str, str]:
+        """Return what its sums depend on; `hashed` is the scene's hash, where that is known already."""
+        of_picture = self.scene, self.view, self.time, self.size, self.backend, self.settings
+        return contents.facts_of(*of_picture, hashed)
 
     @property
     def exposure(self) -> float:
@@ -144,25 +151,47 @@ def trace(
     The sums are in `keeper`, which writes them now and then, and at the end, however that comes. Return the estimated
     error. Nothing is opened where the sums suffice. `device` is one of `chapters.open` to share, or None.
     """
-    found = _judged(keeper.sums, task)
+    found = judged(keeper.sums, task.exposure)
     pixels = task.size[0] * task.size[1]
     if found <= error or keeper.sums.paths + block_after(keeper.sums.paths, pixels) > paths:
         return keeper.sums.error(task.exposure) if keeper.sums.paths else 1.0
     try:
-        with chapters.open(
-            TRACER,
-            task.backend,
-            scene=task.scene,
-            size=task.size,
-            settings=replaced(task.settings, path_samples=1),
-            outputs={"path_sums", "path_squares"},
-            **({} if device is None else {"device": device}),
-        ) as renderer:
-            name = f"{renderer.capabilities.device} ({renderer.capabilities.driver})"
-            _trace(renderer, task, keeper, name, error, paths, progress)
+        with opened(task, device) as renderer:
+            _trace(renderer, task, keeper, device_name(renderer.capabilities), error, paths, progress)
     finally:
         keeper.keep()
     return keeper.sums.error(task.exposure)
+
+
+def opened(task: Task, device: Any = None) -> Any:
+    """Return a renderer that traces a task; `device` is one of `chapters.open` to share, or None."""
+    return chapters.open(
+        TRACER,
+        task.backend,
+        scene=task.scene,
+        size=task.size,
+        settings=replaced(task.settings, path_samples=1),
+        outputs={"path_sums", "path_squares"},
+        **({} if device is None else {"device": device}),
+    )
+
+
+def device_name(capabilities: Any) -> str:
+    """Return what the bits of sums depend on: device and driver, and of a software driver the processor's features."""
+    name = f"{capabilities.device} ({capabilities.driver})"
+    return f"{name}, processor {cpu_features()}" if capabilities.is_software else name
+
+
+@cache
+def cpu_features() -> str:
+    """Return a short hash of the features for which a software driver compiles; of the processor's name elsewhere."""
+    text = platform.processor() or platform.machine()
+    with contextlib.suppress(OSError):
+        lines = Path("/proc/cpuinfo").read_text("utf-8", "replace").splitlines()
+        found = next((line for line in lines if line.lower().startswith(("flags", "features"))), "")
+        words = found.partition(":")[2].split()
+        text = " ".join(sorted({word for word in words if word.startswith(VECTORS)})) or text
+    return hashlib.blake2b(text.encode(), digest_size=4).hexdigest()
 
 
 def _trace(
@@ -178,7 +207,7 @@ def _trace(
         keeper.sums = keeper.sums.plus(
             *block, count, device
         )  # in one step: an interruption finds it before or after
-        found = _judged(keeper.sums, task)
+        found = judged(keeper.sums, task.exposure)
         if found <= error:
             return
         speed.passed(keeper.sums.paths)
@@ -190,9 +219,9 @@ def _trace(
             next_keep = now + max(KEEP_EVERY_S, 10.0 * taken)
 
 
-def _judged(sums: Sums, task: Task) -> float:
-    """Return the estimated error where it is time for it, else infinity."""
-    return sums.error(task.exposure) if is_judged(sums.paths) else float("inf")
+def judged(sums: Sums, scale: float) -> float:
+    """Return the estimated error where it is time for it, else infinity; `scale` is the factor from nits."""
+    return sums.error(scale) if is_judged(sums.paths) else float("inf")
 
 
 class _Speed:

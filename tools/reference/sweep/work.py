@@ -1,0 +1,216 @@
+"""A part of a reference, traced in whatever process it comes to.
+
+A process opens its device once and keeps a few renderers: knobs of paths, exposure and camera change from part to part
+without a new one. All of it happens in one thread, since contexts of OpenGL belong to the thread that made them.
+"""
+
+from __future__ import annotations
+
+import signal
+import time as clock
+from collections import OrderedDict
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chapters import scenes
+from common.errors import UserError
+from common.scene import Scene
+from common.settings import flat, set_live
+from tools.reference import contents
+from tools.reference.command import Request
+from tools.reference.settings import chapter_settings, tracer_settings
+from tools.reference.sums import MOST_OF_BLOCK, block_after
+from tools.reference.tracing import Task, device_name, opened, task_of
+from tools.run.run import open_device
+
+Float32 = NDArray[np.float32]
+
+MOST_BLOCKS = 16
+MOST_BYTES = 64 << 20
+"""A part has no more blocks and bytes of results, unless it is one block, and no more paths than one block may have."""
+
+BYTES_OF_PIXEL = 24
+RENDERERS, SCENES = 4, 2
+"""How many of each stay open in a process."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """Blocks of paths of one reference: the first begins behind `first` paths of each pixel.
+
+    `facts` are what the sums of the reference depend on, as the process has them that merges.
+    """
+
+    request: Request
+    facts: tuple[tuple[str, str], ...]
+    reference: int
+    first: int
+    counts: tuple[int, ...]
+
+    @property
+    def key(self) -> tuple[int, int]:
+        """The number of the reference and of the first path: no other part of a sweep has both."""
+        return self.reference, self.first
+
+    @property
+    def end(self) -> int:
+        """The number of paths behind its last block."""
+        return self.first + sum(self.counts)
+
+
+@dataclass(frozen=True, eq=False)
+class Blocks:
+    """What was traced of a part: for each block sums of light (H, W, 4) and of squares (H, W, 2), both float32."""
+
+    sums: tuple[tuple[Float32, Float32], ...]
+    device: str
+    seconds: float
+
+
+def counts_of(first: int, pixels: int, most: int) -> tuple[int, ...]:
+    """Return the blocks of the part that begins after `first` paths; no block goes beyond `most` paths."""
+    counts: list[int] = []
+    paths = first
+    while paths + (count := block_after(paths, pixels)) <= most:
+        total = paths + count - first
+        bytes_after = (len(counts) + 1) * BYTES_OF_PIXEL * pixels
+        if counts and (
+            len(counts) == MOST_BLOCKS or bytes_after > MOST_BYTES or total * pixels > MOST_OF_BLOCK
+        ):
+            break
+        counts.append(count)
+        paths += count
+    return tuple(counts)
+
+
+class Loaded:
+    """Scenes with their hashes, the last few ones."""
+
+    def __init__(self) -> None:
+        self._scenes: OrderedDict[tuple[str, str], tuple[Scene, str]] = OrderedDict()
+
+    def get(self, request: Request) -> tuple[Scene, str]:
+        """Return the scene of a request with the exposure asked for, and its hash. Raises UserError."""
+        key = request.scene, request.environment
+        if key not in self._scenes:
+            scene = scenes.load(request.scene, None, request.environment)
+            self._scenes[key] = scene, contents.scene_hash(scene)
+        self._scenes.move_to_end(key)
+        while len(self._scenes) > SCENES:
+            self._scenes.popitem(last=False)
+        scene, hashed = self._scenes[key]
+        scene.ev100 = request.ev100
+        return scene, hashed
+
+
+def task_for(request: Request, scene: Scene) -> Task:
+    """Return what a request has traced. Raises UserError."""
+    own, of_paths = chapter_settings(request.chapter, request.overrides)
+    settings = tracer_settings(own, request.filter, request.seed, of_paths)
+    return task_of(settings, scene, request.camera, request.size, request.time, request.backend)
+
+
+class Tracer:
+    """The device and the renderers of a process."""
+
+    def __init__(self) -> None:
+        self._loaded = Loaded()
+        self._tasks: OrderedDict[Request, tuple[Task, dict[str, str]]] = OrderedDict()
+        self._renderers: list[tuple[tuple[Any, ...], Any]] = []
+        self._devices: dict[str, Any] = {}
+        self._stack = ExitStack()
+
+    def trace(self, part: Part) -> Blocks:
+        """Trace a part. Raises UserError where the process has another scene or another version than asked for."""
+        task = self._task(part)
+        renderer = self._renderer(part.request, task)
+        knobs, first = renderer.settings.paths, part.first
+        sums = []
+        began = clock.perf_counter()
+        for count in part.counts:
+            knobs.path_first, knobs.path_samples = first, count
+            frame = renderer.render(task.view, task.time)
+            light, squares = frame.image("path_sums"), frame.image("path_squares")
+            sums.append((np.array(light), np.array(squares[..., :2])))
+            first += count
+        seconds = clock.perf_counter() - began
+        return Blocks(tuple(sums), device_name(renderer.capabilities), seconds)
+
+    def close(self) -> None:
+        """Close renderers and device."""
+        while self._renderers:
+            self._renderers.pop()[1].close()
+        self._stack.close()
+        self._devices.clear()
+
+    def _task(self, part: Part) -> Task:
+        request = part.request
+        if request not in self._tasks:
+            scene, hashed = self._loaded.get(request)
+            task = task_for(request, scene)
+            self._tasks[request] = task, task.facts(hashed)
+            while len(self._tasks) > RENDERERS:
+                self._tasks.popitem(last=False)
+        task, facts = self._tasks[request]
+        other = [name for name, value in part.facts if facts.get(name) != value]
+        if other:
+            raise UserError(
+                f"it would trace another picture (of another {' and another '.join(other)}): all workers need the same "
+                "version of Strata and the same files of scenes."
+            )
+        return task
+
+    def _renderer(self, request: Request, task: Task) -> Any:
+        """Return a renderer for a task: one that is open, if knobs alone differ that can be set in it."""
+        key = request.size, task.backend, task.time
+        for number, (found, renderer) in enumerate(self._renderers):
+            if found == key and renderer.scene is task.scene and _takes(renderer.settings, task.settings):
+                self._renderers.append(self._renderers.pop(number))
+                return renderer
+        while len(self._renderers) >= RENDERERS:
+            self._renderers.pop(0)[1].close()
+        if task.backend not in self._devices:
+            self._devices[task.backend] = open_device(self._stack, task.backend)
+        renderer = opened(task, self._devices[task.backend])
+        self._renderers.append((key, renderer))
+        return renderer
+
+
+def _takes(settings: Any, wanted: Any) -> bool:
+    """Whether an open renderer's settings have the wanted values, or take them over."""
+    now = flat(settings)
+    return all(value == now[name] for name, value in flat(wanted).items()) or set_live(settings, wanted)
+
+
+# --- in a process of its own ---
+
+
+@cache
+def _thread() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(1, "strata-sweep")
+
+
+@cache
+def _tracer() -> Tracer:
+    return Tracer()
+
+
+def trace_part(part: Part) -> Blocks:
+    """Trace a part with what the process has open, in its one thread for that."""
+    return _thread().submit(lambda: _tracer().trace(part)).result()
+
+
+def dask_setup(worker: Any) -> None:
+    """Leave Ctrl-C to the process that merges: a terminal sends it to all. Dask calls this in a new worker."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def dask_teardown(worker: Any) -> None:
+    """Close what is open. Dask calls this where a worker ends in good order."""
+    _thread().submit(_tracer().close).result()
