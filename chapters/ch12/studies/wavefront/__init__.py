@@ -29,9 +29,9 @@ from common.settings import group, knob
 
 from ...fog import model as fog
 from ...frames.frame import OUTPUTS
-from ...paths.settings import PathSettings
 from ...rays.settings import RaySettings
 from ...settings import Settings as ChapterSettings
+from ..of_paths import TracedSettings
 
 STUDY = Study(
     title="wavefront",
@@ -67,10 +67,9 @@ class WaveSettings:
 
 
 @dataclass
-class WavePathSettings(PathSettings):
-    """How paths are sampled: traced from the beginning, with the light rays that a path in flight has room for."""
+class WavePathSettings(TracedSettings):
+    """How paths are sampled: with the rays towards light that a path in flight has room for."""
 
-    path_tracer: bool = knob(True, "whether the picture is traced by paths, in place of all that is drawn")
     path_lights: str = knob(
         "one",
         "rays towards lights at each reflection: a path in flight has room for one to a light of the scene",

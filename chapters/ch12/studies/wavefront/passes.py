@@ -108,8 +108,7 @@ class WavePass(PathsPass):
         samples, rounds = int(knobs.path_samples), int(knobs.path_bounces) + 1
         commands.compute_barrier()
         self._run(commands, "next", (0, 0, 0, CLEARS), 1)
-        parts = self.waves(commands.extent)
-        for x, y, columns, rows in parts:
+        for x, y, columns, rows in wave_tiles(commands.extent, self.tiles, self._paths):
             size = columns | rows << 16
             blocks = _blocks(columns, rows)
             for sample in range(samples):
@@ -129,7 +128,8 @@ class WavePass(PathsPass):
     ) -> None:
         """Record a round whose hits are being found, and the search for the hits of the next one.
 
-        Rays towards light and rays of the next round are independent: both dispatches run side by side.
+        Nothing lies between rays towards light and rays of the next round but a barrier for the sake of validation,
+        which takes all stages of one text for writers of all that it names.
         """
         commands.compute_barrier()
         self._bind(commands, "shade", (*tile, told | turn))
@@ -138,20 +138,10 @@ class WavePass(PathsPass):
         self._run(commands, "next", (*tile, told | turn + 1), 1)
         self._bind(commands, "shadow", (*tile, told | turn))
         commands.dispatch_indirect(self.head, SHADOW_GROUPS)
+        commands.compute_barrier()
         if goes_on:
             self._bind(commands, "extend", (*tile, told | turn + 1))
             commands.dispatch_indirect(self.head, LIVE_GROUPS)
-        else:
-            commands.compute_barrier()
-
-    def waves(self, extent: tuple[int, int]) -> list[tuple[int, int, int, int]]:
-        """Return (x, y, columns, rows) of the tiles of a picture, none of which has more paths than fit."""
-        count = self.tiles
-        while True:
-            parts = tiles(extent, count)
-            if max(_blocks(columns, rows) for _, _, columns, rows in parts) * GROUP**2 <= self._paths:
-                return parts
-            count *= 2
 
     def key(self, slot: int) -> Any:
         """Return what the recording depends on."""
@@ -171,6 +161,15 @@ class WavePass(PathsPass):
         self._bind(commands, stage, told)
         commands.dispatch(groups)
         commands.compute_barrier()
+
+
+def wave_tiles(extent: tuple[int, int], count: int, paths: int) -> list[tuple[int, int, int, int]]:
+    """Return (x, y, columns, rows) of `count` tiles of a picture, or more, so that each has at most so many paths."""
+    while True:
+        parts = tiles(extent, count)
+        if max(_blocks(columns, rows) for _, _, columns, rows in parts) * GROUP**2 <= paths:
+            return parts
+        count *= 2
 
 
 def _blocks(columns: int, rows: int) -> int:
