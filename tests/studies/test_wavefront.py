@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import chapters
 from chapters.ch12.studies.wavefront import Settings, passes
 from chapters.ch12.studies.wavefront.passes import ROUNDS, wave_tiles
 from common.errors import SettingError, UnsupportedError
@@ -138,10 +137,3 @@ def test_what_is_no_choice_is_refused_in_one_sentence(stage, asked):
     with pytest.raises(SettingError, match=asked.partition("=")[0]) as found:
         apply_overrides(Settings(), [asked])
     assert "\n" not in str(found.value)
-
-
-def test_the_studys_own_scene_is_drawn(stage):
-    """By default in one tile, as `strata run` draws it."""
-    with stage.open(WHICH, SIZE) as renderer:
-        picture = renderer.render(chapters.view_of(renderer)).image("color")
-    assert picture[..., :3].max() > 100
