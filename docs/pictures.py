@@ -87,6 +87,9 @@ STUDY_SETTINGS = {
     "dispatch-size": {"guard": False},
     "compacted-indices": {"turned": 110},
     "bias-explorer": {"turn": 45.0},
+    "wavefront": {"path_samples": 64},
+    "strategies": {"path_samples": 64},
+    "roulette": {"path_samples": 64},
 }
 """Settings with which every driver can draw a study's picture, or it says more."""
 WITH_STUDIES = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12)

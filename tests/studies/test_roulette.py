@@ -28,9 +28,7 @@ pytestmark = [
 def drawn(stage):
     """Return what paths show that end by each rule, by its name."""
     way = {"ray_way": "pipeline"} if stage.backend == "vulkan" and stage.device.has("ray-tracing") else {}
-    with stage.open(
-        WHICH, SIZE, settings=Settings(**{**PLAIN, **way}), outputs={"color_linear"}
-    ) as renderer:
+    with stage.open(WHICH, SIZE, settings=Settings(**{**PLAIN, **way}), outputs={"color_linear"}) as renderer:
         view = chapters.view_of(renderer)
         before = renderer.settings.paths.path_roulette
         found = {name: measured(renderer, view, start, FRAMES) for name, start in STARTS.items()}
@@ -63,7 +61,9 @@ def test_roulette_saves_more_steps_than_it_costs(stage, drawn):
             frame.image("color_linear")
             steps[name] = sum(frame.work[f"wave_live_{turn}"] for turn in range(ROUNDS))
     pixels = SIZE[0] * SIZE[1]
-    assert 20 < steps["never"] / pixels <= 65, "only the lamp and backs of the block, which are black, end paths"
+    assert 20 < steps["never"] / pixels <= 65, (
+        "only the lamp and backs of the block, which are black, end paths"
+    )
     efficiency = {name: 1.0 / (drawn[name].variance * steps[name]) for name in STARTS}
     first, after, never = efficiency.values()
     assert after > 2.0 * never and first > 2.0 * never

@@ -53,7 +53,9 @@ def test_each_strategy_wins_where_the_other_one_fails(drawn):
     assert bsdf[0, -1] < 0.1 * lights[0, -1]
     assert lights[-1, 0] < 0.1 * lights[0, 0] and lights[-1, 1] < 0.1 * bsdf[-1, 1]
     assert (np.diff(lights[:, -1]) < 0).all(), "rays to a large lamp get better with roughness"
-    assert (np.diff(bsdf[0]) < 0).all(), "reflected rays of a smooth plate get better with the size of the lamp"
+    assert (np.diff(bsdf[0]) < 0).all(), (
+        "reflected rays of a smooth plate get better with the size of the lamp"
+    )
     known = np.abs(light[STRATEGIES.index("bsdf")] / light[STRATEGIES.index("mis")] - 1.0) < 0.3
     assert known[0, 1:].all() and known[:, -1].all()
     better = np.where(known, np.minimum(lights, bsdf), lights)

@@ -30,7 +30,9 @@ def room():
     paint = [metal(*color, roughness) for *color, roughness in ((0.7, 0.7, 0.7, 0.4), (0.8, 0.8, 0.8, 0.9))]
     squares = chamber(paint[0], paint[1], metal(0.8, 0.15, 0.1, 0.9), metal(0.1, 0.6, 0.2, 0.9), paint[0])
     pane = placed((-0.4, 0.8, 0.3), (0.7, 0.9), (0.2, 0.0, 1.0)), HALF_SEEN
-    return scene_of([*squares, lamp(0.5, (9.0, 7.0, 5.0)), pane], lights=[point((0.3, 1.2, 0.7), candela=1.0)])
+    return scene_of(
+        [*squares, lamp(0.5, (9.0, 7.0, 5.0)), pane], lights=[point((0.3, 1.2, 0.7), candela=1.0)]
+    )
 
 
 def opened(stage, kernel, scene, size=SIZE, **turned):
@@ -77,7 +79,12 @@ def test_both_kernels_trace_the_same_picture(stage, both):
         pictures.append(shown[0])
     assert all(np.abs(other - pictures[0]).max() > 0.1 * pictures[0].mean() for other in pictures[1:])
     for renderer in both:
-        for name, value in {"path_bounces": 3, "path_samples": 2, "path_seed": 0, "path_strategy": "mis"}.items():
+        for name, value in {
+            "path_bounces": 3,
+            "path_samples": 2,
+            "path_seed": 0,
+            "path_strategy": "mis",
+        }.items():
             setattr(renderer.settings.paths, name, value)
 
 
@@ -112,7 +119,12 @@ def test_counters_are_those_of_paths_of_a_known_length(stage, both):
 
 
 def test_tiles_have_no_more_paths_than_fit(stage):
-    for extent, count, paths in (((24, 16), 1, 192), ((1920, 1080), 4, 2**18), ((9, 9), 1, 64), ((7, 100), 3, 128)):
+    for extent, count, paths in (
+        ((24, 16), 1, 192),
+        ((1920, 1080), 4, 2**18),
+        ((9, 9), 1, 64),
+        ((7, 100), 3, 128),
+    ):
         parts = wave_tiles(extent, count, paths)
         shown = np.zeros(extent, int)
         for x, y, columns, rows in parts:
@@ -122,17 +134,23 @@ def test_tiles_have_no_more_paths_than_fit(stage):
 
 
 def test_what_has_no_room_is_refused_in_one_sentence(stage, monkeypatch):
-    foggy = replace(room(), medium=Medium(boxes=(FogBox((0.0, 1.0, 0.0), (1.0, 1.0, 1.0), 1.0, (0.9, 0.9, 0.9)),)))
+    foggy = replace(
+        room(), medium=Medium(boxes=(FogBox((0.0, 1.0, 0.0), (1.0, 1.0, 1.0), 1.0, (0.9, 0.9, 0.9)),))
+    )
     with pytest.raises(SettingError, match=r"wavefront .* fog=off") as found:
         opened(stage, "wave", foggy)
     assert "\n" not in str(found.value)
     monkeypatch.setattr(passes, "PATH_BYTES", 2**24)
-    with pytest.raises(UnsupportedError, match=r"wave_paths=65536 takes .* MiB.* set wave_paths=\d+ or less") as found:
+    with pytest.raises(
+        UnsupportedError, match=r"wave_paths=65536 takes .* MiB.* set wave_paths=\d+ or less"
+    ) as found:
         opened(stage, "wave", room(), wave_paths=65536)
     assert "\n" not in str(found.value)
 
 
-@pytest.mark.parametrize("asked", ["ray_way=pipeline", "path_lights=all", "wave_paths=63", "path_kernel=both"])
+@pytest.mark.parametrize(
+    "asked", ["ray_way=pipeline", "path_lights=all", "wave_paths=63", "path_kernel=both"]
+)
 def test_what_is_no_choice_is_refused_in_one_sentence(stage, asked):
     with pytest.raises(SettingError, match=asked.partition("=")[0]) as found:
         apply_overrides(Settings(), [asked])

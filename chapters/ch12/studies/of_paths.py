@@ -1,4 +1,4 @@
-"""What studies of the path tracer share: the chapter's renderer with the settings of a study, and squares in light of their own."""
+"""What studies of the path tracer share: the chapter's renderer with the settings of a study, and scenes of squares."""
 
 from __future__ import annotations
 
@@ -71,8 +71,12 @@ def square_at(
 
 
 def squares(
-    name: str, placed: Sequence[Square], eye: tuple[float, float, float], target: tuple[float, float, float],
-    yfov: float, ev100: float,
+    name: str,
+    placed: Sequence[Square],
+    eye: tuple[float, float, float],
+    target: tuple[float, float, float],
+    yfov: float,
+    ev100: float,
 ) -> Scene:
     """Return a scene of squares, each an instance of a mesh of its own, and a camera; `yfov` in radians."""
     corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], np.float32)

@@ -10,7 +10,7 @@ tells which is better, but their product does:
 
 At equal time the variance of two methods is in the inverse ratio of their efficiencies. `path_roulette` is the number
 of reflections that are safe: 0 lets paths end at the first one, and 1024 never, so that `path_bounces` alone ends them.
-`bench 12 --only path-studies` measures all three ([`model.py`](model.py)).
+[`model.py`](model.py) measures all three.
 """
 
 from __future__ import annotations

@@ -28,7 +28,9 @@ def room() -> Scene:
         paint = Material("wall", (*color, 1.0), 0.0, 1.0)
         return square_at(center, normal, (2.0 if normal[0] or normal[1] else 1.0, 1.0)), paint
 
-    def lying(y: float, normal: tuple[float, float, float], half: tuple[float, float], paint: Material) -> Square:
+    def lying(
+        y: float, normal: tuple[float, float, float], half: tuple[float, float], paint: Material
+    ) -> Square:
         return square_at((0.0, y, 0.0), normal, half), paint
 
     white = Material("wall", (*WHITE, 1.0), 0.0, 1.0)

@@ -8,8 +8,8 @@ towards it (`lights`), or by both (`mis`):
     rays to lamps    fail at large lamps and smooth plates: hardly any of them lies in the narrow lobe
 
 With the power heuristic a ray counts by the square of its density, in parts of both squares. So where one of the two
-is good, nearly all light is counted there, and the other one adds little noise. `bench 12 --only path-studies` measures
-the variance of each pair of a plate and a lamp ([`model.py`](model.py)).
+is good, nearly all light is counted there, and the other one adds little noise. [`model.py`](model.py) measures the
+variance of each pair of a plate and a lamp.
 """
 
 from __future__ import annotations
