@@ -55,7 +55,7 @@ def light(renderer, frames=1):
 
 
 def agree(stage, loop, wave):
-    """Hold pictures to be the same: to the bit on a software driver; others may round functions in two kernels apart."""
+    """Hold pictures to be the same: to the bit on a software driver; others may round in two kernels apart."""
     if stage.device.capabilities.is_software:
         assert (loop == wave).all()
     else:

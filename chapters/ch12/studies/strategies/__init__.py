@@ -27,7 +27,7 @@ from .model import plates_and_lamps
 
 STUDY = Study(
     title="strategies",
-    idea="What one strategy of sampling seldom finds, another one finds often: weights by their densities combine both.",
+    idea="What one strategy seldom finds, another one finds often: weights by their densities combine both.",
     order=6,
     features=("path-tracer/mis",),
     outputs=OUTPUTS,

@@ -12,8 +12,8 @@ another one. The next dispatches are as large as the queues are: a kernel writes
 knows them. So no lane waits for a path that has ended. The price is memory traffic: a path has 256 bytes, most of which
 are written and read in each round.
 
-Both have the same functions ([`paths/steps.glsl`](../../paths/steps.glsl)) and the same random numbers, so they have the
-same picture. `--set path_kernel=loop` shows the chapter's loop as compute. Kernels find hits by ray queries or by our
+Both have the same functions ([`paths/steps.glsl`](../../paths/steps.glsl)) and the same random numbers, so they have
+the same picture. `--set path_kernel=loop` shows the chapter's loop as compute. Kernels find hits by ray queries or by our
 own hierarchy; in a ray pipeline the driver decides how shaders follow each other, and there is nothing to take apart.
 """
 

@@ -1,4 +1,4 @@
-"""The techniques of the study: the pass that traces, the buffers that its kernels count in, and what the CPU is told."""
+"""The techniques of the study: the pass that traces, the buffers of its counters, and what the CPU is told."""
 
 from __future__ import annotations
 
