@@ -143,6 +143,8 @@ LESSON = Lesson(
         "rays/bvh/quality.py",
         "paths/settings.py",
         "paths/paths.glsl",
+        "paths/steps.glsl",
+        "paths/sums.glsl",
         "paths/lights.glsl",
         "paths/light_tables.glsl",
         "paths/frame.glsl",

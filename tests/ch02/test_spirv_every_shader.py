@@ -229,6 +229,7 @@ GIVEN_IN: dict[str, dict[str, int | float | str | None]] = {
     },
     "phase_functions": {"OCTAVES": 32, "NODES": 16, "POINTS": 512, "LOBES": 8},
     "any_hit_alpha": {"TEXELS": 64},
+    "wavefront": {"WAVE_PATHS": "1024u", "TOLD_ROUNDS": "16u"},
 }
 """The same in folders of chapters 7 to 11, whose things of these names are others; None where it is not given."""
 VIEWS = 13

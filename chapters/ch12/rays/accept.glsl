@@ -17,11 +17,13 @@
 #else
 #define INVOCATION gl_GlobalInvocationID.xy
 #endif
+#ifndef RAY_ID  // where invocations are no pixels, what includes this says which one it is
 #ifdef TILED
 #include "rays/tile.glsl"
 #define RAY_ID (INVOCATION + tile.first.xy)
 #else
 #define RAY_ID INVOCATION
+#endif
 #endif
 
 bool accept(Hit hit) {

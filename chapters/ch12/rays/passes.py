@@ -8,7 +8,7 @@ The picture is one text, whatever finds the hits: a raygen shader, a kernel with
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -61,6 +61,9 @@ class Structures(Protocol):
 
     def record(self, commands: Any, slot: int) -> None:
         """Record what the frame builds."""
+
+    def trace_by(self, pipelines: Sequence[Built]) -> None:
+        """Let several pipelines of one pass trace, which have one layout; for a single one `bind_pass` is enough."""
 
     def bind_pass(
         self, commands: Any, pipeline: Built, scene: SceneBinding, page: Any, textures: Any

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from backends.contract import FrameInfo, Pass, Technique
+from backends.contract import FrameInfo, Pass, Plan, Technique
 from common.scene import Scene
 
 from ..cloth.passes import ClothPass
@@ -30,6 +30,8 @@ class RayTechnique(Technique):
     """Chooses the way of tracing, and builds what it traverses."""
 
     name = "rays"
+    paths: type[PathsPass] = PathsPass
+    """The pass that traces paths."""
 
     def __init__(self, scene: Scene, settings: Settings) -> None:
         super().__init__(scene, settings)
@@ -38,13 +40,13 @@ class RayTechnique(Technique):
 
     def create(self, parts: PassParts, backend: Backend, passes: Mapping[str, Pass]) -> None:
         """Make the passes, and the structures if they are in use."""
-        build, rays, paths = StructuresPass(parts), RayPicturePass(parts), PathsPass(parts)
+        build, rays, paths = StructuresPass(parts), RayPicturePass(parts), self.paths(parts)
         self.passes = {gpu_pass.name: gpu_pass for gpu_pass in (build, rays, paths)}
         trace = paths if paths.needed(parts.scene, parts.settings) else rays
         if not picture.in_use(parts.scene, parts.settings):
             return
         self._backend, self._settings, self._trace = backend, parts.settings, trace
-        way = picture.chosen_way(parts.settings, backend.plan)
+        way = self.way(parts.settings, backend.plan)
         package = f"{__package__}.bvh" if way == picture.BVH else __package__
         self._structures = structures = backend.part(package).open_structures(backend, parts)
         hanging = passes["cloth"]
@@ -57,6 +59,10 @@ class RayTechnique(Technique):
             gpu_pass.follow(way, structures.sizes, cloth)
         if way == picture.PIPELINE:
             read_by_pipelines(passes["fog_integrate"])
+
+    def way(self, settings: Settings, plan: Plan) -> str:
+        """Return the way that finds hits; raises UserError for one that there is not."""
+        return picture.chosen_way(settings, plan)
 
     def prepare(self, frame: FrameInfo) -> int:
         """Let the structures follow what has moved; return the bytes written."""

@@ -311,11 +311,15 @@ class RayStructures:
         """The buffers of the frame graph: none, for builds own what they write."""
         return {}
 
+    def trace_by(self, pipelines: Sequence[Built]) -> None:
+        """Let several pipelines of one pass trace, which have one layout; for a single one `bind_pass` is enough."""
+        self.make_sets(pipelines, STRUCTURES_SET)
+
     def bind_pass(
         self, commands: Commands, pipeline: Built, scene: SceneBinding, page: Any, textures: Any
     ) -> None:
         """Bind a pass that traces: the scene, a page, a set of textures or None, and the structures."""
-        if self._traced[0] != [pipeline]:
+        if pipeline not in self._traced[0]:
             self.make_sets([pipeline], STRUCTURES_SET)
         self._surfaces.bind(commands, pipeline, scene, page, textures)
         self.bind(commands, pipeline)

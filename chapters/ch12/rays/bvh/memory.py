@@ -78,6 +78,9 @@ class BvhMemory:
         self._make_bindings()
         self.work: dict[str, int] = {}
 
+    def trace_by(self, pipelines: Sequence[Built]) -> None:
+        """Let several pipelines of one pass trace; the frame graph binds the buffers for any."""
+
     def _content(self) -> dict[str, NDArray[np.uint8]]:
         """Build the trees, and return the content of all buffers as bytes, by name."""
         scene = self._scene

@@ -1,0 +1,12 @@
+"""The study roulette on OpenGL."""
+
+from __future__ import annotations
+
+from ..of_paths import PathStudy
+from . import Settings
+
+
+class Renderer(PathStudy):
+    """A room with long paths, on OpenGL."""
+
+    API, KIND = "gl", Settings
