@@ -114,26 +114,63 @@ bool collides(Ray ray, float begin, Hit hit, inout Random random, inout Surface 
 }
 #endif
 
+#if defined(ENVIRONMENT) || defined(EMITTERS)
+#define TABLES
+#endif
+
+// Something may stand before all light of one kind, so none is drawn more seldom than this.
+const float LEAST_OF_A_KIND = 0.25;
+
+// A ray towards light of any kind: to one of the scene's lights, or to what the tables draw.
+LightRay ray_to_any_light(Surface s, Bsdf bsdf, vec3 view, inout Random random) {
+    LightRay ray = NO_RAY;
+#ifdef LIT
+    ray = ray_to_one_light(s, bsdf, view, random.state);
+#endif
+#ifdef TABLES
+    if (path.knobs.z != STRATEGY_BSDF) {
+        LightRay drawn = ray_to_light_of_tables(s, bsdf, view, random);
+        float first = luminance(ray.value), second = luminance(drawn.value);
+        if (second > 0.0) {
+            // In proportion to what each would add without shadows.
+            float chosen = first > 0.0 ? clamp(second / (first + second), LEAST_OF_A_KIND, 1.0 - LEAST_OF_A_KIND) : 1.0;
+            bool second_ray = pcg_float(random.state) < chosen;
+            if (second_ray) {
+                ray = drawn;
+            }
+            ray.value /= second_ray ? chosen : 1.0 - chosen;
+        }
+    }
+#endif
+    return ray;
+}
+
 // What rays towards light bring to the surface, or the collision, at which the path is.
 vec3 direct_light(Surface s, Bsdf bsdf, vec3 view, float begin, inout Random random) {
     vec3 color = vec3(0.0);
-    uint lights = 0u, rays = 0u;
-#ifdef LIT
     bool one = (path.knobs.w & PATH_ONE_LIGHT) != 0u;
-    lights = rays = one ? min(light_count.x, 1u) : light_count.x;
+    uint lights = 0u, rays = 1u;
+#ifdef LIT
+    lights = light_count.x;
 #endif
-#if defined(ENVIRONMENT) || defined(EMITTERS)
-    rays += uint(path.knobs.z != STRATEGY_BSDF);
+    if (!one) {
+        rays = lights;
+#ifdef TABLES
+        rays += uint(path.knobs.z != STRATEGY_BSDF);
 #endif
+    }
     for (uint i = 0u; i < rays; ++i) {
         LightRay towards = NO_RAY;
+        if (one) {
+            towards = ray_to_any_light(s, bsdf, view, random);
+        }
 #ifdef LIT
-        if (i < lights) {
-            towards = one ? ray_to_one_light(s, bsdf, view, random.state) : ray_to_light(i, s, bsdf, view);
+        else if (i < lights) {
+            towards = ray_to_light(i, s, bsdf, view);
         }
 #endif
-#if defined(ENVIRONMENT) || defined(EMITTERS)
-        if (i >= lights) {
+#ifdef TABLES
+        else {
             towards = ray_to_light_of_tables(s, bsdf, view, random);
         }
 #endif
