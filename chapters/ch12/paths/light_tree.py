@@ -89,6 +89,8 @@ def _halved(position: NDArray[np.float64]) -> NDArray[np.intp]:
         there, places = known[groups], position[groups]
         spread = np.where(there, places, -np.inf).max(axis=1) - np.where(there, places, np.inf).min(axis=1)
         axis = spread.argmax(axis=1)
-        keys = np.take_along_axis(places, axis[:, None, None], axis=2)[..., 0]  # NaN is sorted behind all numbers
+        keys = np.take_along_axis(places, axis[:, None, None], axis=2)[
+            ..., 0
+        ]  # NaN is sorted behind all numbers
         order = np.take_along_axis(groups, keys.argsort(axis=1, kind="stable"), axis=1).reshape(-1)
     return order

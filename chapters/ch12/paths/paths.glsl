@@ -185,71 +185,76 @@ vec3 direct_light(Surface s, Bsdf bsdf, vec3 view, float begin, inout Random ran
     return color;
 }
 
-// The light that arrives at the eye along a ray, by one path.
-vec3 light_of_path(Ray ray, Random random) {
-    float begin = ray.t_min;  // next to 0 (paths/ray_seed.glsl)
-    vec3 color = vec3(0.0), carried = vec3(1.0);
-    float pdf = 0.0;  // of the direction of the ray, where a surface reflected it
-    uint bounce = 0u;
-    while (true) {
-        bool from_eye = bounce == 0u;
-        Hit hit = trace_path(ray, from_eye ? SEEN : SOLID);
-        Surface s = NO_SURFACE;
-        Bsdf bsdf = Bsdf(vec3(0.0), 0.0, 1.0, ENERGY_GLTF, vec3(0.0), 0.0);
-        vec3 view = -ray.direction;
-        bool on_surface = true;
+// A path on its way.
+struct Path {
+    Ray ray;
+    Random random;
+    vec3 color;    // the light that it has brought to the eye
+    vec3 carried;  // the part of the light along its ray that reaches the eye
+    float pdf;     // of the direction of the ray, where a surface reflected it
+    uint bounce;
+};
+
+// Follows the ray of a path, whose t_min was `begin` at the eye (paths/ray_seed.glsl); says whether the path goes on.
+bool next_vertex(inout Path at, float begin) {
+    bool from_eye = at.bounce == 0u;
+    Hit hit = trace_path(at.ray, from_eye ? SEEN : SOLID);
+    Surface s = NO_SURFACE;
+    Bsdf bsdf = Bsdf(vec3(0.0), 0.0, 1.0, ENERGY_GLTF, vec3(0.0), 0.0);
+    vec3 view = -at.ray.direction;
+    bool on_surface = true;
 #ifdef FOG
-        on_surface = !collides(ray, ray.t_min, hit, random, s, carried);
+    on_surface = !collides(at.ray, at.ray.t_min, hit, at.random, s, at.carried);
 #endif
-        if (on_surface) {
-            if (hit.instance == NO_HIT) {
-                return color
-                    + carried * (from_eye ? background_along(ray.direction) : surroundings_along(ray.direction, pdf));
-            }
-            s = surface_at(hit, ray.direction);
-            bool behind = (hit.flags & HIT_BACK) != 0u && !two_sided(hit.instance);
-            if (behind && from_eye) {  // backs are not drawn, either
-                ray.t_min = hit.t;
-                continue;
-            }
-            s.normal = behind ? -s.normal : s.normal;
-            if (!behind && s.emission != vec3(0.0)) {
-                color += carried * s.emission * (from_eye ? 1.0 : emission_share(hit, s, ray.direction, pdf));
-            }
-            bsdf = bsdf_at(s, view);
+    if (on_surface) {
+        if (hit.instance == NO_HIT) {
+            at.color += at.carried * (from_eye ? background_along(at.ray.direction) : surroundings_along(at.ray.direction, at.pdf));
+            return false;
         }
-        if (!s.lit || bounce >= path.knobs.x) {
-            return color;
+        s = surface_at(hit, at.ray.direction);
+        bool behind = (hit.flags & HIT_BACK) != 0u && !two_sided(hit.instance);
+        if (behind && from_eye) {  // backs are not drawn, either
+            at.ray.t_min = hit.t;
+            return true;
         }
-        random.pair = PAIR_BOUNCE + PAIRS * bounce;
-        vec2 choice = random_2d(random), u = random_2d(random);
-        color += carried * direct_light(s, bsdf, view, begin, random);
-        BsdfSample next = BsdfSample(vec3(0.0), 0.0, vec3(0.0));
-        if (on_surface) {
-            next = bsdf_sample(vec3(choice.x, u), bsdf, s.normal, view);
-            carried *= dot(next.direction, s.flat_normal) > 0.0 ? next.weight : vec3(0.0);
-            pdf = next.pdf;
+        s.normal = behind ? -s.normal : s.normal;
+        if (!behind && s.emission != vec3(0.0)) {
+            at.color += at.carried * s.emission * (from_eye ? 1.0 : emission_share(hit, s, at.ray.direction, at.pdf));
         }
-#ifdef FOG
-        if (!on_surface) {
-            next.direction = scattered_direction(view, u);
-            pdf = phase_towards(next.direction, view);
-        }
-#endif
-        if (carried == vec3(0.0)) {
-            return color;
-        }
-        ++bounce;
-        // The path goes on with the probability of what it carries, and then stands for those that ended (Arvo and Kirk 1990).
-        if (bounce > path.knobs.y) {
-            float stays = min(max(carried.r, max(carried.g, carried.b)), 1.0);
-            if (choice.y >= stays) {
-                return color;
-            }
-            carried /= stays;
-        }
-        ray = Ray(ray_origin(s.at, next.direction), begin, next.direction, FAR);
+        bsdf = bsdf_at(s, view);
     }
+    if (!s.lit || at.bounce >= path.knobs.x) {
+        return false;
+    }
+    at.random.pair = PAIR_BOUNCE + PAIRS * at.bounce;
+    vec2 choice = random_2d(at.random), u = random_2d(at.random);
+    at.color += at.carried * direct_light(s, bsdf, view, begin, at.random);
+    BsdfSample next = BsdfSample(vec3(0.0), 0.0, vec3(0.0));
+    if (on_surface) {
+        next = bsdf_sample(vec3(choice.x, u), bsdf, s.normal, view);
+        at.carried *= dot(next.direction, s.flat_normal) > 0.0 ? next.weight : vec3(0.0);
+        at.pdf = next.pdf;
+    }
+#ifdef FOG
+    if (!on_surface) {
+        next.direction = scattered_direction(view, u);
+        at.pdf = phase_towards(next.direction, view);
+    }
+#endif
+    if (at.carried == vec3(0.0)) {
+        return false;
+    }
+    ++at.bounce;
+    // The path goes on with the probability of what it carries, and then stands for those that ended (Arvo and Kirk 1990).
+    if (at.bounce > path.knobs.y) {
+        float stays = min(max(at.carried.r, max(at.carried.g, at.carried.b)), 1.0);
+        if (choice.y >= stays) {
+            return false;
+        }
+        at.carried /= stays;
+    }
+    at.ray = Ray(ray_origin(s.at, next.direction), begin, next.direction, FAR);
+    return true;
 }
 
 // Whether the pixels around one, a block of 4 x 4, have paths enough. All of a block say the same.
@@ -272,6 +277,19 @@ bool is_done(ivec2 pixel, ivec2 size) {
     return sum <= path.choice.z * float(sides.x * sides.y);
 }
 
+// Path number `i` of this frame through a pixel, at the eye.
+Path begun_path(ivec2 pixel, ivec2 size, uint i, float focus) {
+    Random random = random_of(uvec2(pixel), uint(size.x), path.samples.x + i, path.samples.w);
+    vec2 place = random_2d(random);
+    place = (path.knobs.w & PATH_BOX) != 0u ? place : vec2(0.5);
+    CameraRay seen = camera_ray(
+        (vec2(pixel) + place) / vec2(size), frame.view_from_clip, frame.world_from_view, frame.orthographic != 0u);
+#ifdef LENS
+    seen = through_lens(seen, focus, random_2d(random));
+#endif
+    return Path(Ray(seen.origin, path_begin(i), seen.direction, FAR), random, vec3(0.0), vec3(1.0), 0.0, 0u);
+}
+
 void run(uvec3 id) {
     ivec2 size = imageSize(color_traced), pixel = ivec2(id.xy + tile.first.xy);
     if (any(greaterThanEqual(pixel, size))) {
@@ -280,27 +298,30 @@ void run(uvec3 id) {
     bool goes_on = path.samples.z != 0u;
     vec4 sum = goes_on ? imageLoad(paths_before, pixel) : vec4(0.0), own = vec4(0.0);
     vec2 squares = goes_on ? imageLoad(squares_before, pixel).xy : vec2(0.0), own_squares = vec2(0.0);
+    float focus = 0.0;
 #ifdef LENS
-    float focus = focus_ahead();
+    focus = focus_ahead();
 #endif
     uint count = goes_on && is_done(pixel, size) ? 0u : path.samples.y;
-    for (uint i = 0u; i < count; ++i) {
-        uint number = path.samples.x + i;
-        Random random = random_of(uvec2(pixel), uint(size.x), number, path.samples.w);
-        vec2 place = random_2d(random);
-        place = (path.knobs.w & PATH_BOX) != 0u ? place : vec2(0.5);
-        CameraRay seen = camera_ray(
-            (vec2(pixel) + place) / vec2(size), frame.view_from_clip, frame.world_from_view, frame.orthographic != 0u);
-#ifdef LENS
-        seen = through_lens(seen, focus, random_2d(random));
-#endif
-        vec3 light = light_of_path(Ray(seen.origin, path_begin(i), seen.direction, FAR), random) / exposure();
-        float seen2 = luminance(light) * luminance(light);
-        if (all(lessThan(abs(vec4(light, seen2)), vec4(FAR)))) {  // neither NaN nor infinite
-            own += vec4(light, 1.0);
-            own_squares.x += seen2;
-        } else {
-            own_squares.y += 1.0;
+    Path at;
+    bool on_its_way = false;
+    // One loop over the vertices of all paths: an invocation whose path ends begins the next one while its neighbours, which
+    // share the processor's lanes, are still on their way.
+    for (uint i = 0u; i < count;) {
+        if (!on_its_way) {
+            at = begun_path(pixel, size, i, focus);
+        }
+        on_its_way = next_vertex(at, path_begin(i));
+        if (!on_its_way) {
+            ++i;
+            vec3 light = at.color / exposure();
+            float seen2 = luminance(light) * luminance(light);
+            if (all(lessThan(abs(vec4(light, seen2)), vec4(FAR)))) {  // neither NaN nor infinite
+                own += vec4(light, 1.0);
+                own_squares.x += seen2;
+            } else {
+                own_squares.y += 1.0;
+            }
         }
     }
     sum += own;
