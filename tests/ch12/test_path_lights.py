@@ -25,7 +25,9 @@ def lamps(count, seed=5):
     records["position"][: count // 4] = records["position"][0]
     records["color"] = 10.0 ** rng.uniform(-8.0, 4.0, (count, 3))
     records["color"][rng.random(count) < 0.1] = 0.0
-    records["inverse_range2"] = np.where(rng.random(count) < 0.8, 1.0 / rng.uniform(1.0, 9.0, count) ** 2, 0.0)
+    records["inverse_range2"] = np.where(
+        rng.random(count) < 0.8, 1.0 / rng.uniform(1.0, 9.0, count) ** 2, 0.0
+    )
     records["end_distance2"] = np.where(rng.random(count) < 0.8, rng.uniform(1.0, 90.0, count), 3e38)
     records["kind"] = rng.integers(0, 2, count)
     return records
@@ -93,7 +95,9 @@ def many():
         reach = math.inf if number % 5 == 0 else rng.uniform(0.8, 2.5)
         below = eye[0] + rng.uniform(-0.5, 0.5), 0.0, eye[2] + rng.uniform(-0.5, 0.5)
         candela = 10.0 ** rng.uniform(-1.0, 1.0)
-        made = spot(eye, below, math.radians(25), candela, reach) if number % 3 else point(eye, candela, reach)
+        made = (
+            spot(eye, below, math.radians(25), candela, reach) if number % 3 else point(eye, candela, reach)
+        )
         more.append(made)
     return lit_yard(*more)
 

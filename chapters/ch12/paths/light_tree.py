@@ -80,7 +80,7 @@ def light_tree(records: np.ndarray, first: int) -> NDArray[np.uint32]:
 
 
 def _halved(position: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Return the order of places (2^k, 3), of which those of NaN are none, in which each half of a group is one side."""
+    """Return the order of places (2^k, 3) in which each half of a group is one side of it; NaN is no place."""
     count = len(position)
     order = np.arange(count)
     known = np.isfinite(position)

@@ -65,7 +65,7 @@ class PathTechnique(Technique):
     def _with_lights(self, tables: model.Tables, slot: int) -> model.Tables:
         """Return the tables with the lights as they are in this frame: where they are, how bright and how far."""
         records = self._slots[slot].written.get("light_records")
-        if records is None or records is self._packed.get(slot) and self._lights is not None:
+        if records is None or (records is self._packed.get(slot) and self._lights is not None):
             return tables
         self._packed[slot] = records
         lights = records.tobytes()
