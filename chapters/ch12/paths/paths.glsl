@@ -279,7 +279,8 @@ bool is_done(ivec2 pixel, ivec2 size) {
 
 // Path number `i` of this frame through a pixel, at the eye.
 Path begun_path(ivec2 pixel, ivec2 size, uint i, float focus) {
-    Random random = random_of(uvec2(pixel), uint(size.x), path.samples.x + i, path.samples.w);
+    uint number = path.samples.x + i;
+    Random random = random_of(uvec2(pixel), uint(size.x), number, path.samples.w);
     vec2 place = random_2d(random);
     place = (path.knobs.w & PATH_BOX) != 0u ? place : vec2(0.5);
     CameraRay seen = camera_ray(
