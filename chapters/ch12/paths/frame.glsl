@@ -10,4 +10,6 @@ layout(BIND(3, PATH_BINDING + 3, 3), std140) uniform Path_frame_ {
     uvec4 knobs;     // x: reflections of a path at most, y: those after which it may end; z: STRATEGY_*, w: bits PATH_*
     vec4 choice;     // x: probability that a ray towards light goes to the environment; y: texels along an edge of its table;
                      // z: the square of the relative error at which pixels have enough paths; 0: none has
+    uvec4 tree;      // of lights that have a place (light_tree.glsl). x: its first record in path_tables, y: its leaves, 0
+                     // where lights are few; z: the first record of the lights of leaves
 } path;

@@ -4,6 +4,7 @@
 //     entries of the table of emissive triangles
 //     for each of these triangles x: its instance, y: its number in the mesh
 //     for each instance the number of its first emissive triangle, or NO_LIGHT; four to a record
+//     the tree of lights that have a place (light_tree.glsl)
 
 #include "paths/frame.glsl"
 #include "alias.glsl"

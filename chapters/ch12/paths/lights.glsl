@@ -1,5 +1,5 @@
-// Light that a surface of a path asks for by itself: a ray to each of the scene's lights, and one to a direction of the
-// environment or a point of an emissive triangle, drawn from tables.
+// Light that a surface of a path asks for by itself: rays to the scene's lights, and to a direction of the environment or a
+// point of an emissive triangle, drawn from tables.
 
 #include "paths/light_tables.glsl"
 #include "paths/random.glsl"
@@ -52,18 +52,36 @@ LightRay ray_to_light(uint number, Surface s, Bsdf bsdf, vec3 view) {
     return LightRay(Ray(origin, 0.0, to_light, far), received * reflected(bsdf, s, to_light, view));
 }
 
+#include "paths/light_tree.glsl"
+
+// How many lights are drawn from the tree at a vertex. One of them is kept by what it really adds (Talbot, Cline and Egbert
+// 2005, "Importance Resampling for Global Illumination"): the tree knows nothing of cones and materials.
+const uint TREE_DRAWS = 4u;
+
 // A ray to one light. It is drawn in proportion to what the lights would add without shadows, so that without shadows the
-// sum is exact: weighted reservoir sampling (Chao 1982), with a random number for each light.
+// sum is exact: weighted reservoir sampling (Chao 1982), with a random number for each light. Where there are many, those
+// without a place and some that the tree draws stand for all.
 LightRay ray_to_one_light(Surface s, Bsdf bsdf, vec3 view, inout uint state) {
     LightRay kept = NO_RAY;
     float sum = 0.0, own = 0.0;
-    for (uint i = 0u; i < light_count.x; ++i) {
-        LightRay ray = ray_to_light(i, s, bsdf, view);
-        float weight = luminance(ray.value);
-        sum += weight;
-        if (weight > 0.0 && pcg_float(state) * sum < weight) {
-            kept = ray;
-            own = weight;
+    uint each = path.tree.y != 0u ? light_count.y : light_count.x;
+    uint shown = path.tree.y != 0u ? each + TREE_DRAWS : each;
+    for (uint i = 0u; i < shown; ++i) {
+        float probability = 1.0;
+        uint number = i;
+        if (i >= each) {
+            number = drawn_light(s.at.position, s.flat_normal, state, probability);
+            probability *= float(TREE_DRAWS);
+        }
+        if (number != NO_LIGHT) {
+            LightRay ray = ray_to_light(number, s, bsdf, view);
+            ray.value /= probability;
+            float weight = luminance(ray.value);
+            sum += weight;
+            if (weight > 0.0 && pcg_float(state) * sum < weight) {
+                kept = ray;
+                own = weight;
+            }
         }
     }
     kept.value *= own > 0.0 ? sum / own : 0.0;

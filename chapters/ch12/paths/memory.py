@@ -12,7 +12,7 @@ from ..frames.frame import SLOTS
 from .model import CELLS, Tables
 from .passes import BLOCK_BYTES, FRAME, GROUPS, TABLES, TOLD
 
-BLOCK = struct.Struct("=4I4I4I4f")
+BLOCK = struct.Struct("=4I4I4I4f4I")
 """The block of paths/frame.glsl, BLOCK_BYTES long."""
 
 
@@ -56,6 +56,7 @@ class PathMemory:
             *self._tables.places,
             *knobs,
             *(choice[0], float(CELLS), choice[1] ** 2, 0.0),
+            *self._tables.tree_places,
         )
         return BLOCK_BYTES
 

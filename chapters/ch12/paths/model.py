@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, get_args
 
 import numpy as np
@@ -23,7 +23,9 @@ from common.scene.pose import evaluate_pose
 
 from ..environment import model as environment
 from ..post.lens import lens_defines
+from ..scene.packing import LIGHT_KINDS
 from ..shading.views import PICTURE
+from . import light_tree
 from .settings import PathSettings, Strategy
 
 Defines = tuple[tuple[str, int | float | str], ...]
@@ -32,6 +34,8 @@ CELLS = 64
 """Texels along an edge of the cube map from which directions of the environment are drawn."""
 
 NO_LIGHT = 0xFFFFFFFF
+
+DIRECTIONAL = LIGHT_KINDS["directional"]
 
 NOTHING = np.zeros((0, 4), np.uint32)
 
@@ -90,11 +94,32 @@ class Tables:
     """The first of the triangles in `words`."""
     instances: int
     """The first of the instances in `words`."""
+    tree: int
+    """The first record of the tree of lights in `words`."""
+    leaves: int = 0
+    """The leaves of that tree; 0 while there is none."""
 
     @property
     def places(self) -> tuple[int, int, int, int]:
         """What shaders are told of the records (`path.tables`)."""
         return self.environment, self.emitters, self.triangles, self.instances
+
+    @property
+    def tree_places(self) -> tuple[int, int, int, int]:
+        """What shaders are told of the tree of lights (`path.tree`)."""
+        return self.tree, self.leaves, self.tree + 2 * self.leaves * light_tree.NODE_RECORDS, 0
+
+    def with_lights(self, records: np.ndarray) -> Tables:
+        """Return these tables with the tree of LIGHT records, the first of which have no place.
+
+        Lights for whose tree there is no room have none.
+        """
+        tree = light_tree.light_tree(records, int(np.count_nonzero(records["kind"] == DIRECTIONAL)))
+        if not len(tree) or len(tree) > len(self.words) - self.tree:
+            return replace(self, leaves=0) if self.leaves else self
+        words = self.words.copy()
+        words[self.tree : self.tree + len(tree)] = tree
+        return replace(self, words=words, leaves=light_tree.leaves_of(tree))
 
 
 def tables(scene: Scene, around: NDArray[np.uint32], most_bytes: int | None = None) -> Tables:
@@ -105,7 +130,8 @@ def tables(scene: Scene, around: NDArray[np.uint32], most_bytes: int | None = No
     triangles, weights, first = emissive_triangles(scene)
     entries = alias_table(weights).words() if weights.any() else NOTHING
     instances_bytes = 16 * -(-max(len(first), 1) // 4)
-    wanted = around.nbytes + entries.nbytes + 16 * len(triangles) + instances_bytes
+    tree = np.zeros((light_tree.room(len(scene.lights)), 4), np.uint32)
+    wanted = around.nbytes + entries.nbytes + 16 * len(triangles) + instances_bytes + tree.nbytes
     if most_bytes is not None and wanted > most_bytes:
         triangles, entries = triangles[:0], NOTHING
     places = np.zeros((len(triangles), 4), np.uint32)
@@ -113,9 +139,9 @@ def tables(scene: Scene, around: NDArray[np.uint32], most_bytes: int | None = No
     instances = np.full(-(-max(len(first), 1) // 4) * 4, NO_LIGHT, np.uint32)
     if len(entries):
         instances[: len(first)] = first
-    parts = (around, entries, places, instances.reshape(-1, 4))
+    parts = (around, entries, places, instances.reshape(-1, 4), tree)
     begins = np.cumsum([0, *(len(part) for part in parts)]).tolist()
-    return Tables(np.concatenate(parts), len(around), len(entries), begins[2], begins[3])
+    return Tables(np.concatenate(parts), len(around), len(entries), *begins[2:5])
 
 
 def emissive_triangles(

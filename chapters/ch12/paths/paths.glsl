@@ -19,27 +19,17 @@ vec3 direct_light(Vertex v, float begin, inout Random random) {
     return color;
 }
 
-// The light that arrives at the eye by one path.
-vec3 light_of_path(Walk walk) {
-    float begin = walk.ray.t_min;  // next to 0 (paths/ray_seed.glsl)
-    while (true) {
-        Hit hit = trace_path(walk.ray, mask_of(walk));
-        Vertex v;
-        uint next = arrive(walk, hit, v);
-        if (next == ENDS) {
-            return walk.color;
-        }
-        if (next == PASSES) {
-            walk.ray.t_min = hit.t;
-            continue;
-        }
-        walk.random.pair = PAIR_BOUNCE + PAIRS * walk.bounce;
-        vec2 choice = random_2d(walk.random), u = random_2d(walk.random);
-        walk.color += walk.carried * direct_light(v, begin, walk.random);
-        if (!leave(walk, v, choice, u, begin)) {
-            return walk.color;
-        }
+// Follows the ray of a path, and says whether the path goes on. `begin` is t_min of all its rays (paths/ray_seed.glsl).
+bool next_vertex(inout Walk walk, float begin) {
+    Hit hit = trace_path(walk.ray, walk.bounce == 0u);
+    Vertex v;
+    if (!arrive(walk, hit, v)) {
+        return false;
     }
+    walk.random.pair = PAIR_BOUNCE + PAIRS * walk.bounce;
+    vec2 choice = random_2d(walk.random), u = random_2d(walk.random);
+    walk.color += walk.carried * direct_light(v, begin, walk.random);
+    return leave(walk, v, choice, u, begin);
 }
 
 void run(uvec3 id) {
@@ -54,8 +44,19 @@ void run(uvec3 id) {
     focus = focus_ahead();
 #endif
     uint count = paths_of(pixel, size);
-    for (uint i = 0u; i < count; ++i) {
-        add_path(light_of_path(walk_from_eye(pixel, size, i, focus)), own, own_squares);
+    Walk walk;
+    bool on_its_way = false;
+    // One loop over the vertices of all paths: an invocation whose path ends begins the next one while its neighbours, which
+    // share the processor's lanes, are still on their way.
+    for (uint i = 0u; i < count;) {
+        if (!on_its_way) {
+            walk = walk_from_eye(pixel, size, i, focus);
+        }
+        on_its_way = next_vertex(walk, path_begin(i));
+        if (!on_its_way) {
+            ++i;
+            add_path(walk.color, own, own_squares);
+        }
     }
     store_sums(pixel, own, own_squares);
 }

@@ -17,7 +17,7 @@ Filter = Literal["box", "centre"]
 """Where in a pixel rays go."""
 
 Lights = Literal["all", "one"]
-"""How many of the scene's lights a vertex of a path asks for."""
+"""How many rays towards light a vertex of a path sends."""
 
 
 @dataclass
@@ -75,8 +75,8 @@ class PathSettings:
     )
     path_lights: str = knob(
         "one",
-        "rays towards lights at each reflection: one to each light, or one in all, to a light that is drawn in "
-        "proportion to what it adds without shadows",
+        "rays towards light at each reflection: one to each light and one to what emits, or one in all, drawn in "
+        "proportion to what each adds without shadows",
         choices=get_args(Lights),
         live=True,
     )

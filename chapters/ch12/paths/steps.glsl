@@ -35,9 +35,10 @@ void begin_ray(Ray ray) {
 #endif
 }
 
-Hit trace_path(Ray ray, uint mask) {
+// The eye sees no backs of single-sided surfaces, as in drawn pictures.
+Hit trace_path(Ray ray, bool from_eye) {
     begin_ray(ray);
-    return trace(ray, mask, 0u);
+    return trace(ray, from_eye ? SEEN : SOLID, from_eye ? SKIP_BACKS : 0u);
 }
 
 bool path_occluded(Ray ray) {
@@ -121,17 +122,8 @@ bool collides(Ray ray, float begin, Hit hit, inout Random random, inout Surface 
 
 Walk walk_along(Ray ray, Random random) { return Walk(ray, vec3(0.0), vec3(1.0), 0.0, 0u, random); }
 
-uint mask_of(Walk walk) { return walk.bounce == 0u ? SEEN : SOLID; }
-
-// Whether a ray of the eye passes through a hit: backs of single-sided surfaces are not drawn, either.
-bool passes(Walk walk, Hit hit) {
-    return walk.bounce == 0u && (hit.flags & HIT_BACK) != 0u && !two_sided(hit.instance);
-}
-
-const uint ENDS = 0u, PASSES = 1u, SCATTERS = 2u;
-
-// Takes a path to its hit: adds the light that arrives there, and says how the path goes on.
-uint arrive(inout Walk walk, Hit hit, out Vertex v) {
+// Takes a path to its hit: adds the light that arrives there, and says whether the path goes on.
+bool arrive(inout Walk walk, Hit hit, out Vertex v) {
     bool from_eye = walk.bounce == 0u;
     v = Vertex(
         NO_SURFACE, Bsdf(vec3(0.0), 0.0, 1.0, ENERGY_GLTF, vec3(0.0), 0.0), -walk.ray.direction, true);
@@ -142,30 +134,61 @@ uint arrive(inout Walk walk, Hit hit, out Vertex v) {
         vec3 along = walk.ray.direction;
         if (hit.instance == NO_HIT) {
             walk.color += walk.carried * (from_eye ? background_along(along) : surroundings_along(along, walk.pdf));
-            return ENDS;
+            return false;
         }
         v.s = surface_at(hit, along);
         bool behind = (hit.flags & HIT_BACK) != 0u && !two_sided(hit.instance);
-        if (behind && from_eye) {
-            return PASSES;
-        }
         v.s.normal = behind ? -v.s.normal : v.s.normal;
         if (!behind && v.s.emission != vec3(0.0)) {
             walk.color += walk.carried * v.s.emission * (from_eye ? 1.0 : emission_share(hit, v.s, along, walk.pdf));
         }
         v.bsdf = bsdf_at(v.s, v.view);
     }
-    return v.s.lit && walk.bounce < path.knobs.x ? SCATTERS : ENDS;
+    return v.s.lit && walk.bounce < path.knobs.x;
 }
 
-// How many rays are sent towards light; `lights` of them, the first ones, to lights of the scene, and one by the tables.
-uint light_rays(out uint lights) {
-    uint rays = 0u;
-    lights = 0u;
-#ifdef LIT
-    lights = rays = (path.knobs.w & PATH_ONE_LIGHT) != 0u ? min(light_count.x, 1u) : light_count.x;
-#endif
 #if defined(ENVIRONMENT) || defined(EMITTERS)
+#define TABLES
+#endif
+
+// Something may stand before all light of one kind, so none is drawn more seldom than this.
+const float LEAST_OF_A_KIND = 0.25;
+
+// A ray towards light of any kind: to one of the scene's lights, or to what the tables draw.
+LightRay ray_to_any_light(Vertex v, inout Random random) {
+    LightRay ray = NO_RAY;
+#ifdef LIT
+    ray = ray_to_one_light(v.s, v.bsdf, v.view, random.state);
+#endif
+#ifdef TABLES
+    if (path.knobs.z != STRATEGY_BSDF) {
+        LightRay drawn = ray_to_light_of_tables(v.s, v.bsdf, v.view, random);
+        float first = luminance(ray.value), second = luminance(drawn.value);
+        if (second > 0.0) {
+            // In proportion to what each would add without shadows.
+            float chosen = first > 0.0 ? clamp(second / (first + second), LEAST_OF_A_KIND, 1.0 - LEAST_OF_A_KIND) : 1.0;
+            bool second_ray = pcg_float(random.state) < chosen;
+            if (second_ray) {
+                ray = drawn;
+            }
+            ray.value /= second_ray ? chosen : 1.0 - chosen;
+        }
+    }
+#endif
+    return ray;
+}
+
+// How many rays are sent towards light: one in all, or one to each of the scene's `lights` and one by the tables.
+uint light_rays(out uint lights) {
+    lights = 0u;
+    if ((path.knobs.w & PATH_ONE_LIGHT) != 0u) {
+        return 1u;
+    }
+#ifdef LIT
+    lights = light_count.x;
+#endif
+    uint rays = lights;
+#ifdef TABLES
     rays += uint(path.knobs.z != STRATEGY_BSDF);
 #endif
     return rays;
@@ -174,14 +197,16 @@ uint light_rays(out uint lights) {
 // Ray `i` of these.
 LightRay ray_towards_light(uint i, uint lights, Vertex v, float begin, inout Random random) {
     LightRay towards = NO_RAY;
+    if ((path.knobs.w & PATH_ONE_LIGHT) != 0u) {
+        towards = ray_to_any_light(v, random);
+    }
 #ifdef LIT
-    if (i < lights) {
-        bool one = (path.knobs.w & PATH_ONE_LIGHT) != 0u;
-        towards = one ? ray_to_one_light(v.s, v.bsdf, v.view, random.state) : ray_to_light(i, v.s, v.bsdf, v.view);
+    else if (i < lights) {
+        towards = ray_to_light(i, v.s, v.bsdf, v.view);
     }
 #endif
-#if defined(ENVIRONMENT) || defined(EMITTERS)
-    if (i >= lights) {
+#ifdef TABLES
+    else {
         towards = ray_to_light_of_tables(v.s, v.bsdf, v.view, random);
     }
 #endif

@@ -35,6 +35,8 @@ class PathTechnique(Technique):
         self._seen: Any = None
         self._drawn: Any = None
         self._size = (1, 1)
+        self._lights: bytes | None = None  # the records of which the tables have a tree
+        self._packed: dict[int, Any] = {}  # those of each slot
 
     def create(self, parts: PassParts, backend: Backend, passes: Mapping[str, Pass]) -> None:
         """Make the tables if paths are traced. The pass that traces is one of those of rays."""
@@ -44,10 +46,10 @@ class PathTechnique(Technique):
             return
         trace = passes[PathsPass.name]
         assert isinstance(trace, PathsPass)
-        self._scene = parts.scene
+        self._scene, self._slots = parts.scene, parts.data.slots
         lit = model.has_environment(parts.scene, parts.settings)
         self._around = model.environment_entries(parts.scene.environment if lit else None)
-        tables = self._tables()
+        self._tables_now = tables = self._tables()
         self._memory = backend.part(__package__).PathMemory(backend, tables)
         trace.hold(tables.words.nbytes)
         tell.finish = self._memory.finish
@@ -60,14 +62,31 @@ class PathTechnique(Technique):
         self._towards_environment = 0.5 if both else float(tables.environment > 0)
         return tables
 
+    def _with_lights(self, tables: model.Tables, slot: int) -> model.Tables:
+        """Return the tables with the lights as they are in this frame: where they are, how bright and how far."""
+        records = self._slots[slot].written.get("light_records")
+        if records is None or (records is self._packed.get(slot) and self._lights is not None):
+            return tables
+        self._packed[slot] = records
+        lights = records.tobytes()
+        if lights == self._lights:
+            return tables
+        self._lights = lights
+        return tables.with_lights(records)
+
     def prepare(self, frame: FrameInfo) -> int:
         """Write which paths the frame traces; return the bytes written."""
         if self._memory is None:
             return 0
         knobs, revision = self._knobs, self._scene.revision
         self._size = frame.size
+        tables = self._tables_now
         if self._seen != (revision[Change.MATERIALS], revision[Change.VISIBILITY]):
-            self._memory.follow(self._tables(self._memory.room))
+            tables, self._lights = self._tables(self._memory.room), None
+        tables = self._with_lights(tables, frame.slot)
+        if tables is not self._tables_now:
+            self._memory.follow(tables)
+            self._tables_now = tables
         if self._reset or not frame.still or self._state() != self._drawn:
             self._count, self._reset = 0, False
         self._drawn = self._state()

@@ -55,7 +55,7 @@ def most_rays(scene: Scene, settings: Any, size: tuple[int, int]) -> int:
     """Return how many rays a picture of `size` may have: to each light from each surface that a pixel shows."""
     knobs, paths = settings.rays, settings.paths
     if paths.path_tracer:
-        lights = 1 + (len(scene.lights) if paths.path_lights == "all" else 1)
+        lights = 1 + (len(scene.lights) if paths.path_lights == "all" else 0)
         return (
             size[0] * size[1] * int(paths.path_samples) * (1 + lights) * (1 + min(int(paths.path_bounces), 8))
         )

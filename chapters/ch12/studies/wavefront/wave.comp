@@ -120,12 +120,7 @@ void next() {
 
 void extend(uint i) {
     Walk walk = walk_along(ray_at(RAY, i), Random(0u, 0u, 0u, 0u));
-    Hit hit = trace_path(walk.ray, ROUND == 0u ? SEEN : SOLID);
-    while (ROUND == 0u && hit.instance != NO_HIT && (hit.flags & HIT_BACK) != 0u && !two_sided(hit.instance)) {
-        walk.ray.t_min = hit.t;  // backs are not drawn
-        hit = trace_path(walk.ray, SEEN);
-    }
-    store_hit(i, hit);
+    store_hit(i, trace_path(walk.ray, ROUND == 0u));
 }
 
 // Returns whether the path goes on; `asks` says whether it has sent rays towards light.
@@ -135,9 +130,8 @@ bool shade(uint i, out bool asks) {
         ray_at(RAY, i), uintBitsToFloat(color.xyz), uintBitsToFloat(carried.xyz), row_of_floats(RAY + 1u, i).w, ROUND,
         random_at(i));
     Vertex v;
-    uint then = arrive(walk, hit_at(i), v);
     asks = false;
-    bool goes_on = then == SCATTERS;
+    bool goes_on = arrive(walk, hit_at(i), v);
     if (goes_on) {
         float begin = path_begin(SAMPLE);
         walk.random.pair = PAIR_BOUNCE + PAIRS * walk.bounce;
