@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from backends.contract import check_arguments
 from common.numerics.transforms import pose_looking_at
@@ -62,9 +62,7 @@ class PathStudy(Renderer):
         super().__init__(scene, size, settings, without, outputs, **more)
 
 
-def square_at(
-    center: Sequence[float], normal: Sequence[float], half: tuple[float, float]
-) -> NDArray[np.float64]:
+def square_at(center: ArrayLike, normal: ArrayLike, half: tuple[float, float]) -> NDArray[np.float64]:
     """Return the matrix (4, 4) of a square that faces along a normal, with half of its width and height in metres."""
     at = np.asarray(center, np.float64)
     return pose_looking_at(tuple(at), tuple(at - np.asarray(normal, np.float64))) @ np.diag((*half, 1.0, 1.0))

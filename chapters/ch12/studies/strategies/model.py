@@ -40,10 +40,10 @@ def plates_and_lamps() -> Scene:
         normal = sum(way / np.linalg.norm(way) for way in ways)
         metal = Material(f"plate {roughness}", (0.9, 0.9, 0.9, 1.0), 1.0, roughness, double_sided=True)
         placed.append((square_at(center, normal, (4.2, 0.62)), metal))
-    for half, center in zip(HALVES, LAMPS, strict=True):
+    for half, lamp in zip(HALVES, LAMPS, strict=True):
         nits = POWER / (4.0 * half * half)
         glow = Material(f"lamp {half}", (0.0, 0.0, 0.0, 1.0), 1.0, 1.0, emissive=(nits, nits, nits))
-        placed.append((square_at(center, (-center[0], 1.0 - center[1], -center[2]), (half, half)), glow))
+        placed.append((square_at(lamp, (-lamp[0], 1.0 - lamp[1], -lamp[2]), (half, half)), glow))
     return squares("plates and lamps", placed, EYE, (0.0, 2.35, -2.0), math.radians(43.0), 0.0)
 
 

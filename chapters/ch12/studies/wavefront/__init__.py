@@ -13,8 +13,8 @@ knows them. So no lane waits for a path that has ended. The price is memory traf
 are written and read in each round.
 
 Both have the same functions ([`paths/steps.glsl`](../../paths/steps.glsl)) and the same random numbers, so they have
-the same picture. `--set path_kernel=loop` shows the chapter's loop as compute. Kernels find hits by ray queries or by our
-own hierarchy; in a ray pipeline the driver decides how shaders follow each other, and there is nothing to take apart.
+the same picture. `--set path_kernel=loop` shows the chapter's loop as compute. Kernels find hits by ray queries or by
+our own hierarchy; in a ray pipeline the driver decides how shaders follow each other, and nothing can be taken apart.
 """
 
 from __future__ import annotations

@@ -53,7 +53,8 @@ class WavePass(PathsPass):
     """The buffer of the head, set by the technique."""
 
     def __init__(self, parts: PassParts) -> None:
-        self._paths = int(parts.settings.waves.paths)
+        settings: Any = parts.settings  # those of the study
+        self._paths = int(settings.waves.paths)
         self._bytes, self._limit = self._paths * PATH_BYTES, int(parts.limits["maxStorageBufferRange"])
         super().__init__(parts)
 
