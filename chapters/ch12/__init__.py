@@ -192,6 +192,8 @@ LESSON = Lesson(
         "pipelines/vulkan_layouts.py": "shares sets with shaders of rays",
         "rates/model.py": "has no mask for paths",
         "scene/vulkan_data.py": "lets builds read vertices",
+        "scene/records.py": "leaves out lights that paths find",
+        "clusters/lights.py": "leaves out lights that paths find",
         "shadows/model.py": "has no maps for paths",
         "taa/model.py": "has no history for paths",
         "taa/passes.py": "follows the traced picture",

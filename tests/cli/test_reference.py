@@ -167,6 +167,13 @@ def test_the_error_is_the_one_asked_for(kept):
         assert 0.6 < np.sqrt((away**2).mean()) / error < 1.6
 
 
+def test_no_limit_of_reflections_takes_light_from_a_reference():
+    """A closed box of albedo 0.95 lost half of its light to the limit of 8 that frames have."""
+    own, _ = settings.chapter_settings(1)
+    assert settings.tracer_settings(own, "box", 0).paths.path_bounces == 1024
+    assert settings.tracer_settings(own, "box", 0, ["path_bounces=2"]).paths.path_bounces == 2
+
+
 def test_light_that_is_no_number_is_counted_and_never_written(kept, strata, monkeypatch):
     """A square of infinite light: the picture is finite, and a sentence says how many paths are left out."""
     lamp = replace(floor_under(quad_scene().materials[0]).materials[1], emissive=(3e38, 0.0, 0.0))

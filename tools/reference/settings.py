@@ -16,7 +16,7 @@ TRACER = 12
 
 OF_LIGHT = (
     *("ambient", "default_light", "light_cutoff", "background", "sky", "aperture", "focus_distance"),
-    *("energy", "environment_intensity", "environment_turn", "environment_size"),
+    *("shadow_near", "energy", "environment_intensity", "environment_turn", "environment_size"),
     *("fog", "fog_density", "fog_height", "fog_falloff", "fog_albedo", "fog_anisotropy"),
     *("fog_noise", "fog_noise_size", "fog_noise_period", "fog_wind"),
 )
@@ -27,6 +27,9 @@ OF_TABLES = ("environment_detail", "irradiance_source", "table_size", "table_sam
 
 OF_PATHS = ("path_bounces", "path_roulette", "path_strategy", "path_lights", "path_sequence", "ray_way")
 """Knobs of the path tracer that --set turns for every chapter."""
+
+BOUNCES = 1024
+"""Reflections of a path at most: as many as there may be, since each limit takes light away. Roulette ends paths."""
 
 OPTIONS = {
     "path_error": "--error",
@@ -74,7 +77,7 @@ def tracer_settings(settings: Any, filter: str, seed: int, overrides: Iterable[s
     Raises SettingError for a value that a knob does not take.
     """
     kind = chapters.settings_class(TRACER)
-    chosen: Any = apply_overrides(preset(kind, "reference"), overrides)
+    chosen: Any = apply_overrides(replaced(preset(kind, "reference"), path_bounces=BOUNCES), overrides)
     of_light = {name: value for name, value in flat(settings).items() if name in OF_LIGHT}
     return replaced(
         chosen,

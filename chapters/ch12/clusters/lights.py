@@ -35,6 +35,8 @@ class LightRecords:
         """(L,) node of each light that is kept, in the order of the records."""
         self.directional = 0
         """Lights at the beginning of the records that have no place."""
+        self.dark: NDArray[np.bool_] | None = None
+        """(N,) nodes whose lights give none, or None."""
 
     def follow(self) -> None:
         """Pack the lights that edits have replaced, and choose anew."""
@@ -82,6 +84,8 @@ class LightRecords:
         axis = np.where(length[:, None] > 0, -world[:, :3, 2], (0.0, 0.0, -1.0))
         records["direction"] = axis / np.where(length > 0, length, 1.0)[:, None]
         lost = ~np.isfinite(world).all(axis=(1, 2))
+        if self.dark is not None:
+            lost |= self.dark[self.nodes]
         if lost.any():
             for name in ("position", "direction", "color"):
                 records[name][lost] = 0.0

@@ -48,7 +48,13 @@ LightRay ray_to_light(uint number, Surface s, Bsdf bsdf, vec3 view) {
     vec3 to_light;
     vec3 received = exposed_illuminance(number, s.at.position, to_light);
     vec3 origin = ray_origin(s.at, to_light);
-    float far = lights[number].kind == LIGHT_DIRECTIONAL ? FAR : dot(lights[number].position - origin, to_light);
+    float far = FAR;
+    if (lights[number].kind != LIGHT_DIRECTIONAL) {
+        // Bulbs cast no shadow of their own lamp, as in rays/picture.glsl.
+        vec3 along = abs(to_light);
+        float near = SHADOW_NEAR * frame.eye.w / max(along.x, max(along.y, along.z));
+        far = max(dot(lights[number].position - origin, to_light) - near, 0.0);
+    }
     return LightRay(Ray(origin, 0.0, to_light, far), received * reflected(bsdf, s, to_light, view));
 }
 

@@ -61,10 +61,23 @@ def emits(scene: Scene) -> NDArray[np.bool_]:
     return shown
 
 
+def stand_ins(scene: Scene) -> NDArray[np.bool_]:
+    """Return (N,) the nodes whose light stands for a surface that emits (`extras.strata.stands_for`): paths find it."""
+    nodes = scene.nodes
+    emitting = {nodes.names[node] for node in scene.instances.node[emits(scene)].tolist()}
+    found = np.zeros(len(nodes.parent), np.bool_)
+    for node, extras in nodes.extras.items():
+        said = extras.get("strata")
+        name = said.get("stands_for") if isinstance(said, dict) else None
+        found[node] = isinstance(name, str) and name in emitting
+    return found
+
+
 def path_defines(scene: Scene, settings: Any) -> Defines:
     """Return the defines of paths.glsl besides those of rays/picture.py."""
     return (
         ("PATHS", 1),
+        ("SHADOW_NEAR", f"{settings.shadows.shadow_near:.9e}"),
         *((("EMITTERS", 1),) * bool(emits(scene).any())),
         *((("LENS", 1), *lens_defines(settings)) if settings.post.aperture > 0.0 else ()),
     )

@@ -47,6 +47,7 @@ class PathTechnique(Technique):
         trace = passes[PathsPass.name]
         assert isinstance(trace, PathsPass)
         self._scene, self._slots = parts.scene, parts.data.slots
+        parts.data.records.darken(model.stand_ins(parts.scene))
         lit = model.has_environment(parts.scene, parts.settings)
         self._around = model.environment_entries(parts.scene.environment if lit else None)
         self._tables_now = tables = self._tables()
@@ -92,7 +93,9 @@ class PathTechnique(Technique):
         self._drawn = self._state()
         first = self._count
         count = (
-            min(knobs.path_samples, knobs.path_limit - first) if knobs.path_average else knobs.path_samples
+            max(min(knobs.path_samples, knobs.path_limit - first), 0)
+            if knobs.path_average
+            else knobs.path_samples
         )
         self._count += count
         self.work = {"path_samples": self._count, "path_new_samples": count}

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from common import layouts
 from common.errors import SceneError
@@ -120,6 +121,10 @@ class Records:
             slot.written["light_records"] = records
             slot.written["lights"] = light_key
         return written
+
+    def darken(self, nodes: NDArray[np.bool_]) -> None:
+        """Let the lights at `nodes` (N,) give no light; call it before the first frame."""
+        self._lights.dark = nodes if nodes.any() else None
 
     def write_maps(self, slot: Slot, revision: int) -> None:
         """Write the textures of the materials alone, if `revision` of `maps` is another one than the slot's."""
