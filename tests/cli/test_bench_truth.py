@@ -16,7 +16,7 @@ from tests.cli.test_bench_compare import made, point
 from tests.support.scenes import nodes_at, quad_scene
 from tests.support.shadows import placed, sun
 from tools.bench import all_chapters, bench, truth
-from tools.bench.plot_chapters import plot_all
+from tools.bench.figures.chapters import plot_all
 from tools.bench.points import QUICK, Subject
 from tools.run.run import open_device
 

@@ -95,7 +95,7 @@ def test_the_picture_is_the_mean_of_all_paths(strata, kept, tmp_path, monkeypatc
     assert np.sqrt((layers["error"].astype(float) ** 2).mean()) == pytest.approx(error, rel=1e-4)
     names = ("chapter", "scene", "paths", "pathsLeftOut", "filter", "seed", "backend")
     assert [notes[name] for name in names] == ["1", "cornell", "40", "0", "box", "0", backend]
-    assert json.loads(notes["settings"])["path_bounces"] == 8 and len(notes["sceneHash"]) == 32
+    assert json.loads(notes["settings"])["path_bounces"] == 1024 and len(notes["sceneHash"]) == 32
 
 
 def test_light_is_in_the_nits_of_a_frame(kept):
@@ -103,7 +103,7 @@ def test_light_is_in_the_nits_of_a_frame(kept):
     scene = scenes.load("cornell")
     found, _ = tracing.reference(1, scene, "1,0.5,3:0,0.8,0", SIZE, 0.0, paths=8, filter="centre")
     chosen = preset(chapters.settings_class(settings.TRACER), "reference")
-    chosen = replaced(chosen, path_tracer=True, path_samples=8, path_filter="centre")
+    chosen = replaced(chosen, path_tracer=True, path_samples=8, path_filter="centre", path_bounces=1024)
     outputs = {"color_linear"}
     with chapters.open(settings.TRACER, scene=scene, size=SIZE, settings=chosen, outputs=outputs) as renderer:
         view = chapters.view_of(renderer, "1,0.5,3:0,0.8,0")

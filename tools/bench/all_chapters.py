@@ -28,8 +28,8 @@ from common.reports.benches import Effort
 from common.reports.tables import table
 from tools.bench import bench
 from tools.bench import truth as bench_truth
+from tools.bench.figures.chapters import plot_all
 from tools.bench.lessons.parts import PARTS, parts_of
-from tools.bench.plot_chapters import plot_all
 from tools.bench.points import FULL
 from tools.bench.report import show
 from tools.cli.console import Steps, err, out, say

@@ -65,12 +65,12 @@ def stand_ins(scene: Scene) -> NDArray[np.bool_]:
     """Return (N,) the nodes whose light stands for a surface that emits (`extras.strata.stands_for`): paths find it."""
     nodes = scene.nodes
     emitting = {nodes.names[node] for node in scene.instances.node[emits(scene)].tolist()}
-    found = np.zeros(len(nodes.parent), np.bool_)
+    standing = np.zeros(len(nodes.parent), np.bool_)
     for node, extras in nodes.extras.items():
         said = extras.get("strata")
         name = said.get("stands_for") if isinstance(said, dict) else None
-        found[node] = isinstance(name, str) and name in emitting
-    return found
+        standing[node] = isinstance(name, str) and name in emitting
+    return standing
 
 
 def path_defines(scene: Scene, settings: Any) -> Defines:

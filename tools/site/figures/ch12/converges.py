@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
@@ -12,13 +14,13 @@ from tools.run.loops import GAP
 from tools.site.figures.film import Loop, animated
 
 CHAPTER, SCENE = 12, "cornell"
-SIZE, RATE = (160, 160), 2.0
+SIZE, RATE = (120, 120), 2.0
 COUNTS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 48, 64, 96, 128, 192, 256)
 """Paths through each pixel in the frames of the film."""
 CAPTION = 22
 """Rows for the number of paths, below the pictures."""
 STRATEGIES = ("bsdf", "mis")
-QUALITY = 50
+QUALITY = 36
 
 CONVERGES = Loop(
     "A box by 1 to 256 paths a pixel: they find the lamp by chance on the left, and by both ways on the right",
@@ -35,7 +37,7 @@ def converges() -> bytes:
     """Return the film. The frames of a side are sums of the same paths, of which there are ever more."""
     width, height = CONVERGES.size
     film = np.full((len(COUNTS), height, width, 3), 255, np.uint8)
-    medium = preset(chapters.settings_class(CHAPTER), "medium")
+    medium: Any = preset(chapters.settings_class(CHAPTER), "medium")
     for side, strategy in enumerate(STRATEGIES):
         settings = replaced(medium, path_tracer=True, path_strategy=strategy)
         left = side * (SIZE[0] + GAP)
