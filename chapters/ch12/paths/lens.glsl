@@ -9,7 +9,7 @@ float focus_ahead() {
         return frame.orthographic != 0u ? 0.0 : FOCUS_DISTANCE;
     }
     CameraRay middle = camera_ray(vec2(0.5), frame.view_from_clip, frame.world_from_view, false);
-    Hit hit = trace_path(Ray(middle.origin, path_begin(0u), middle.direction, FAR), SEEN);
+    Hit hit = trace_path(Ray(middle.origin, path_begin(0u), middle.direction, FAR), true);
     return hit.instance == NO_HIT ? 0.0 : hit.t * -dot(middle.direction, normalize(frame.world_from_view[2].xyz));
 }
 
