@@ -30,6 +30,9 @@ REFUSED = {
 """Studies of what these drivers lack, which are refused in a sentence: bindless textures of OpenGL, and of Vulkan,
 mesh shaders, sparse memory, shading rates and ray tracing."""
 
+SLOW = {"12/wavefront", "12/strategies", "12/roulette"}
+"""Studies that the record leaves out: kernels that trace paths take this driver up to ten minutes and more to compile."""
+
 
 @pytest.fixture(scope="module")
 def record() -> dict[str, Any]:
@@ -46,6 +49,8 @@ def test_every_chapter_and_study_was_drawn(record: dict[str, Any], name: str) ->
             which = f"{number}/{study}"
             wanted[which] = {"auto", *(b for b in studies.backends(which) if b in MACHINES[name])}
     drawn = record[name]["drawing"]["found"]
+    assert wanted.keys() >= SLOW and not drawn.keys() & SLOW
+    wanted = {which: ends for which, ends in wanted.items() if which not in SLOW}
     assert {which: set(ends) for which, ends in drawn.items()} == wanted
     refused = {which: ends for which, ends in drawn.items() if set(ends.values()) != {"drawn"}}
     elsewhere = {
