@@ -31,7 +31,7 @@ REFUSED = {
 mesh shaders, sparse memory, shading rates and ray tracing."""
 
 SLOW = {"12/wavefront", "12/strategies", "12/roulette"}
-"""Studies that the record leaves out: kernels that trace paths take this driver up to ten minutes and more to compile."""
+"""Studies that the record leaves out: this driver compiles kernels that trace paths for up to ten minutes and more."""
 
 
 @pytest.fixture(scope="module")
