@@ -9,7 +9,7 @@ import chapters
 from chapters.ch12.studies.roulette import Settings
 from chapters.ch12.studies.roulette.model import STARTS, Measured, measured, room
 from chapters.ch12.studies.wavefront import Settings as Waves
-from chapters.ch12.studies.wavefront.passes import ROUNDS
+from chapters.ch12.studies.wavefront.layout import ROUNDS
 from common.scene.pose import evaluate_pose
 from tests.support.path_pictures import assert_agrees, z_scores
 from tests.support.shadows import PLAIN

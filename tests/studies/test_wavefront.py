@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from chapters.ch12.studies.wavefront import Settings, passes
-from chapters.ch12.studies.wavefront.passes import ROUNDS, wave_tiles
+from chapters.ch12.studies.wavefront.layout import ROUNDS, wave_tiles
 from common.errors import SettingError, UnsupportedError
 from common.scene import FogBox, Material, Medium
 from common.settings import apply_overrides

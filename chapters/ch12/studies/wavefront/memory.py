@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...frames.frame import SLOTS
-from .passes import HEAD, HEAD_BYTES, TOLD, TOLD_WORDS
+from .layout import HEAD, HEAD_BYTES, TOLD, TOLD_WORDS
 
 
 class WaveMemory:

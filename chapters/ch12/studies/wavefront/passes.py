@@ -16,26 +16,8 @@ from ...paths.passes import PathsPass
 from ...pipelines.compute_description import ComputeDescription
 from ...pipelines.description import Built
 from ...rays import picture
-from ...rays.tiles import GROUP, tiles
 from ...scene.pass_parts import PassParts
-from . import PATH_BYTES
-
-WAVE, HEAD, TOLD = "wave", "wave_head", "wave_told"
-"""Paths in flight, the head with counters and arguments of dispatches, and what the CPU reads of it."""
-
-HEAD_BYTES = 256
-ROUNDS = 16
-"""Rounds whose live paths are counted one by one; the last counter has all further ones, too."""
-TOLD_WORDS = 2 + ROUNDS
-
-STAGES = ("generate", "next", "extend", "shade", "shadow", "add")
-"""The values of STAGE."""
-
-LIVE_GROUPS, SHADOW_GROUPS = 0, 16
-"""Byte offsets in the head of the arguments of dispatches over both queues."""
-
-CLEARS, IS_LAST, SAMPLE_SHIFT = 0x800, 0x1000, 16
-"""Bits of the fourth number that a dispatch is told; the lowest ones are the round."""
+from . import PATH_BYTES, layout
 
 _WRITTEN = Touch("", frozenset({"compute"}), frozenset({"storage_write"}), writes=True)
 _IDLE = Touch("", frozenset(), frozenset())
@@ -63,8 +45,8 @@ class WavePass(PathsPass):
         super().hold(table_bytes)
         self.externals = {
             **self.externals,
-            HEAD: External(None, None, _WRITTEN, bytes=HEAD_BYTES),
-            TOLD: External(None, None, _IDLE, _READ, bytes=4 * TOLD_WORDS),
+            layout.HEAD: External(None, None, _WRITTEN, bytes=layout.HEAD_BYTES),
+            layout.TOLD: External(None, None, _IDLE, _READ, bytes=4 * layout.TOLD_WORDS),
         }
 
     def follow(self, way: str, sizes: Mapping[str, int], cloth: bool = False) -> None:
@@ -77,14 +59,14 @@ class WavePass(PathsPass):
         super().follow(way, sizes, cloth)
         self.writes = (
             *self.writes,
-            Access(WAVE, "storage", bytes=self._bytes),
-            Access(HEAD, "storage", bytes=HEAD_BYTES),
-            Access(TOLD, "storage", bytes=4 * TOLD_WORDS),
+            Access(layout.WAVE, "storage", bytes=self._bytes),
+            Access(layout.HEAD, "storage", bytes=layout.HEAD_BYTES),
+            Access(layout.TOLD, "storage", bytes=4 * layout.TOLD_WORDS),
         )
 
     def defines(self) -> picture.Defines:
         """Return the defines of the kernels."""
-        return (*super().defines(), ("WAVE_PATHS", f"{self._paths}u"), ("TOLD_ROUNDS", f"{ROUNDS}u"))
+        return (*super().defines(), ("WAVE_PATHS", f"{self._paths}u"), ("TOLD_ROUNDS", f"{layout.ROUNDS}u"))
 
     def create(self) -> None:
         """Build a pipeline for each stage; the first one stands for all where bindings are checked."""
@@ -95,10 +77,10 @@ class WavePass(PathsPass):
             ComputeDescription(
                 described.shader, described.defines, (("STAGE", number),), name=f"paths, {stage}"
             )
-            for number, stage in enumerate(STAGES)
+            for number, stage in enumerate(layout.STAGES)
         ]
         built = self._pipelines.get(kernels)
-        self.kernels = dict(zip(STAGES, built, strict=True))
+        self.kernels = dict(zip(layout.STAGES, built, strict=True))
         self.pipelines = built[:1]
         self.structures.trace_by(built)
 
@@ -108,21 +90,21 @@ class WavePass(PathsPass):
         knobs = self._settings.paths
         samples, rounds = int(knobs.path_samples), int(knobs.path_bounces) + 1
         commands.compute_barrier()
-        self._run(commands, "next", (0, 0, 0, CLEARS), 1)
-        for x, y, columns, rows in wave_tiles(commands.extent, self.tiles, self._paths):
+        self._run(commands, "next", (0, 0, 0, layout.CLEARS), 1)
+        for x, y, columns, rows in layout.wave_tiles(commands.extent, self.tiles, self._paths):
             size = columns | rows << 16
-            blocks = _blocks(columns, rows)
+            groups = layout.blocks(columns, rows)
             for sample in range(samples):
-                told = sample << SAMPLE_SHIFT
-                self._run(commands, "generate", (x, y, size, told), blocks)
+                told = sample << layout.SAMPLE_SHIFT
+                self._run(commands, "generate", (x, y, size, told), groups)
                 self._run(commands, "next", (x, y, size, told), 1)
                 self._bind(commands, "extend", (x, y, size, told))
-                commands.dispatch_indirect(self.head, LIVE_GROUPS)
+                commands.dispatch_indirect(self.head, layout.LIVE_GROUPS)
                 for turn in range(rounds):
                     self._round(commands, (x, y, size), turn, told, turn + 1 < rounds)
-                last = IS_LAST * (sample == samples - 1)
-                self._run(commands, "add", (x, y, size, told | last), blocks)
-        self._run(commands, "next", (0, 0, 0, IS_LAST), 1)
+                last = layout.IS_LAST * (sample == samples - 1)
+                self._run(commands, "add", (x, y, size, told | last), groups)
+        self._run(commands, "next", (0, 0, 0, layout.IS_LAST), 1)
 
     def _round(
         self, commands: Commands, tile: tuple[int, int, int], turn: int, told: int, goes_on: bool
@@ -134,15 +116,15 @@ class WavePass(PathsPass):
         """
         commands.compute_barrier()
         self._bind(commands, "shade", (*tile, told | turn))
-        commands.dispatch_indirect(self.head, LIVE_GROUPS)
+        commands.dispatch_indirect(self.head, layout.LIVE_GROUPS)
         commands.compute_barrier()
         self._run(commands, "next", (*tile, told | turn + 1), 1)
         self._bind(commands, "shadow", (*tile, told | turn))
-        commands.dispatch_indirect(self.head, SHADOW_GROUPS)
+        commands.dispatch_indirect(self.head, layout.SHADOW_GROUPS)
         commands.compute_barrier()
         if goes_on:
             self._bind(commands, "extend", (*tile, told | turn + 1))
-            commands.dispatch_indirect(self.head, LIVE_GROUPS)
+            commands.dispatch_indirect(self.head, layout.LIVE_GROUPS)
 
     def key(self, slot: int) -> Any:
         """Return what the recording depends on."""
@@ -162,17 +144,3 @@ class WavePass(PathsPass):
         self._bind(commands, stage, told)
         commands.dispatch(groups)
         commands.compute_barrier()
-
-
-def wave_tiles(extent: tuple[int, int], count: int, paths: int) -> list[tuple[int, int, int, int]]:
-    """Return (x, y, columns, rows) of `count` tiles of a picture, or more, so that each has at most so many paths."""
-    while True:
-        parts = tiles(extent, count)
-        if max(_blocks(columns, rows) for _, _, columns, rows in parts) * GROUP**2 <= paths:
-            return parts
-        count *= 2
-
-
-def _blocks(columns: int, rows: int) -> int:
-    """Return the work groups of 8 x 8 paths that cover a tile."""
-    return -(-columns // GROUP) * -(-rows // GROUP)
