@@ -77,7 +77,7 @@ def one_by_one(monkeypatch, count):
 
 
 @pytest.mark.needs("OpenEXR")
-@pytest.mark.parametrize("backend", ["vulkan", "gl"])
+@pytest.mark.parametrize("backend", ["vulkan", pytest.param("gl", marks=pytest.mark.long)])
 def test_the_picture_is_the_mean_of_all_paths(strata, kept, tmp_path, monkeypatch, backend):
     """The renderer sums one path after the other on the GPU, and judges its error there."""
     figures = one_by_one(monkeypatch, 40)

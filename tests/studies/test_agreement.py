@@ -36,7 +36,18 @@ BY_PATHS = {"12/wavefront", "12/strategies", "12/roulette"}
 """Studies of random paths, which part from each other at the last bits of a hit: other drivers round otherwise."""
 
 
-@pytest.mark.parametrize("which", [which for which in ALL if which not in ONE_BACKEND.keys() | NOT_TWICE])
+LONG = {"12/wavefront": pytest.mark.long}
+"""A cold driver of OpenGL takes half a minute for the kernels of this study; its own tests compare its pictures."""
+
+
+@pytest.mark.parametrize(
+    "which",
+    [
+        pytest.param(which, marks=LONG.get(which, ()))
+        for which in ALL
+        if which not in ONE_BACKEND.keys() | NOT_TWICE
+    ],
+)
 @pytest.mark.parametrize("time", [0.0, 1.3])
 def test_both_backends_draw_the_same_picture(vulkan_device, gl_context, which, time):
     if which == "2/random-textures":
