@@ -69,6 +69,7 @@ def test_the_newest_chapter_records_a_walk(strata, tmp_path, gl_context, backend
     assert len(found) == 3 and (found[0] != found[1]).any() and (found[1] != found[2]).any()
 
 
+@pytest.mark.needs("glcontext")
 def test_numbered_pictures_and_a_folder_have_the_same_frames(strata, tmp_path):
     (tmp_path / "all").mkdir()
     words = ("run", 1, *SMALL, "--path", "pan", "--frames", 3, "--backend", "gl")
