@@ -34,6 +34,7 @@ from common.view.camera import View, exposure, view_of_scene
 from tools.reference import contents
 from tools.reference.settings import TRACER, chapter_settings, tracer_settings
 from tools.reference.sums import Sums, block_after, is_judged, read_sums, write_sums
+from tools.reference.tiles import Tile, merged, tiles_of
 
 Float32 = NDArray[np.float32]
 
@@ -156,24 +157,36 @@ def trace(
     if found <= error or keeper.sums.paths + block_after(keeper.sums.paths, pixels) > paths:
         return keeper.sums.error(task.exposure) if keeper.sums.paths else 1.0
     try:
-        with opened(task, device) as renderer:
+        with opened(task, tiles_of(task.size)[0].size, device) as renderer:
             _trace(renderer, task, keeper, device_name(renderer.capabilities), error, paths, progress)
     finally:
         keeper.keep()
     return keeper.sums.error(task.exposure)
 
 
-def opened(task: Task, device: Any = None) -> Any:
-    """Return a renderer that traces a task; `device` is one of `chapters.open` to share, or None."""
+def opened(task: Task, size: tuple[int, int], device: Any = None) -> Any:
+    """Return a renderer for tiles of a task; `device` is one of `chapters.open` to share, or None."""
     return chapters.open(
         TRACER,
         task.backend,
         scene=task.scene,
-        size=task.size,
+        size=size,
         settings=replaced(task.settings, path_samples=1),
         outputs={"path_sums", "path_squares"},
         **({} if device is None else {"device": device}),
     )
+
+
+def block_of(renderer: Any, task: Task, tile: Tile, first: int, count: int) -> tuple[Float32, Float32]:
+    """Return the sums of the `count` paths behind `first` ones, of each pixel of a tile.
+
+    Of light (h, w, 4), and of squares (h, w, 2), as the path tracer's images have them.
+    """
+    knobs = renderer.settings.paths
+    knobs.path_first, knobs.path_samples = first, count
+    renderer.techniques["paths"].crop = (*tile.first, *task.size)
+    frame = renderer.render(task.view, task.time)
+    return frame.image("path_sums"), frame.image("path_squares")[..., :2]
 
 
 def device_name(capabilities: Any) -> str:
@@ -197,21 +210,25 @@ def cpu_features() -> str:
 def _trace(
     renderer: Any, task: Task, keeper: Keeper, device: str, error: float, paths: int, progress: Progress
 ) -> None:
-    pixels, knobs = task.size[0] * task.size[1], renderer.settings.paths
-    speed = _Speed(keeper.sums.paths)
+    pixels, tiles = task.size[0] * task.size[1], tiles_of(task.size)
+    speed, told = _Speed(keeper.sums.paths), (0.0, "")
+
+    def tile_done(tile: Tile) -> None:
+        if tiles[1:]:
+            progress(told[0], f"{told[1]}, tile {tile.number + 1} of {len(tiles)}".removeprefix(", "))
+
     next_keep = clock.perf_counter() + KEEP_EVERY_S
     while (first := keeper.sums.paths) + (count := block_after(first, pixels)) <= paths:
-        knobs.path_first, knobs.path_samples = first, count
-        frame = renderer.render(task.view, task.time)
-        block = frame.image("path_sums"), frame.image("path_squares")
-        keeper.sums = keeper.sums.plus(
-            *block, count, device
-        )  # in one step: an interruption finds it before or after
+        blocks = (block_of(renderer, task, tile, first, count) for tile in tiles)
+        block = merged(tiles, task.size, blocks, tile_done)
+        # In one step: an interruption finds the sums before or after a block.
+        keeper.sums = keeper.sums.plus(*block, count, device)
         found = judged(keeper.sums, task.exposure)
         if found <= error:
             return
         speed.passed(keeper.sums.paths)
-        progress(*speed.told(found, error, paths))
+        told = speed.told(found, error, paths)
+        progress(*told)
         now = clock.perf_counter()
         if now >= next_keep:
             keeper.keep()
