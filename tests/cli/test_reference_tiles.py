@@ -80,6 +80,21 @@ def test_tiles_change_no_bit_of_a_reference(backend, filter, overrides, sizes, m
     assert "8 paths a pixel, tile 1 of 6" in told and told.count("tile 6 of 6") == 1
 
 
+def test_a_block_that_is_traced_again_has_the_same_bits():
+    """Nothing has changed between the two frames, as where two references of a sweep are equal and not kept."""
+    own, of_paths = settings.chapter_settings(12)
+    task = tracing.task_of(
+        settings.tracer_settings(own, "box", 0, of_paths), scenes.load("cornell"), None, SIZE, 0.0, "vulkan"
+    )
+    with tracing.opened(task, SIZE) as renderer:
+        first, again, later = (
+            [image.copy() for image in tracing.block_of(renderer, task, *tiles.tiles_of(SIZE), number, 1)]
+            for number in (0, 0, 1)
+        )
+    assert np.array_equal(first[0], again[0]) and np.array_equal(first[1], again[1])
+    assert not np.array_equal(first[0], later[0])
+
+
 ONE = """
 chapter = 12
 scene = "cornell"

@@ -185,6 +185,7 @@ def block_of(renderer: Any, task: Task, tile: Tile, first: int, count: int) -> t
     knobs = renderer.settings.paths
     knobs.path_first, knobs.path_samples = first, count
     renderer.techniques["paths"].crop = (*tile.first, *task.size)
+    renderer.reset_history("another block")  # else a frame that shows the same as the one before has the next paths
     frame = renderer.render(task.view, task.time)
     return frame.image("path_sums"), frame.image("path_squares")[..., :2]
 
