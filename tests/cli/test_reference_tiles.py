@@ -86,10 +86,10 @@ def test_a_block_that_is_traced_again_has_the_same_bits():
     task = tracing.task_of(
         settings.tracer_settings(own, "box", 0, of_paths), scenes.load("cornell"), None, SIZE, 0.0, "vulkan"
     )
+    jobs = [(*tiles.tiles_of(SIZE), first, 1) for first in (0, 0, 1)]
     with tracing.opened(task, SIZE) as renderer:
         first, again, later = (
-            [image.copy() for image in tracing.block_of(renderer, task, *tiles.tiles_of(SIZE), number, 1)]
-            for number in (0, 0, 1)
+            [image.copy() for image in found] for found in tracing.blocks_of(renderer, task, jobs)
         )
     assert np.array_equal(first[0], again[0]) and np.array_equal(first[1], again[1])
     assert not np.array_equal(first[0], later[0])

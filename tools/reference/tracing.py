@@ -13,7 +13,7 @@ import hashlib
 import platform
 import threading
 import time as clock
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -177,16 +177,32 @@ def opened(task: Task, size: tuple[int, int], device: Any = None) -> Any:
     )
 
 
-def block_of(renderer: Any, task: Task, tile: Tile, first: int, count: int) -> tuple[Float32, Float32]:
-    """Return the sums of the `count` paths behind `first` ones, of each pixel of a tile.
+Job = tuple[Tile, int, int]
+"""A tile, the number of its first path, and how many paths of each pixel."""
 
-    Of light (h, w, 4), and of squares (h, w, 2), as the path tracer's images have them.
+
+def blocks_of(renderer: Any, task: Task, jobs: Iterable[Job]) -> Iterator[tuple[Float32, Float32]]:
+    """Yield the sums of the paths of each job, of each pixel of its tile.
+
+    Of light (h, w, 4), and of squares (h, w, 2), as the path tracer's images have them; they are valid until the next
+    ones are asked for. The GPU traces the next job while those of one are read and merged.
     """
-    knobs = renderer.settings.paths
-    knobs.path_first, knobs.path_samples = first, count
-    renderer.techniques["paths"].crop = (*tile.first, *task.size)
-    renderer.reset_history("another block")  # else a frame that shows the same as the one before has the next paths
-    frame = renderer.render(task.view, task.time)
+    knobs, before = renderer.settings.paths, None
+    for tile, first, count in jobs:
+        knobs.path_first, knobs.path_samples = first, count
+        renderer.techniques["paths"].crop = (*tile.first, *task.size)
+        renderer.reset_history(
+            "another block"
+        )  # else a frame that shows the same as the one before has the next paths
+        frame = renderer.render(task.view, task.time)
+        if before is not None:
+            yield _sums_of(before)
+        before = frame
+    if before is not None:
+        yield _sums_of(before)
+
+
+def _sums_of(frame: Any) -> tuple[Float32, Float32]:
     return frame.image("path_sums"), frame.image("path_squares")[..., :2]
 
 
@@ -220,7 +236,7 @@ def _trace(
 
     next_keep = clock.perf_counter() + KEEP_EVERY_S
     while (first := keeper.sums.paths) + (count := block_after(first, pixels)) <= paths:
-        blocks = (block_of(renderer, task, tile, first, count) for tile in tiles)
+        blocks = blocks_of(renderer, task, ((tile, first, count) for tile in tiles))
         block = merged(tiles, task.size, blocks, tile_done)
         # In one step: an interruption finds the sums before or after a block.
         keeper.sums = keeper.sums.plus(*block, count, device)

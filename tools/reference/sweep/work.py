@@ -14,6 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cache
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,7 @@ from tools.reference.command import Request
 from tools.reference.settings import chapter_settings, tracer_settings
 from tools.reference.sums import MOST_OF_BLOCK, block_after
 from tools.reference.tiles import Tile, tiles_of
-from tools.reference.tracing import Task, block_of, device_name, opened, task_of
+from tools.reference.tracing import Task, blocks_of, device_name, opened, task_of
 from tools.run.run import open_device
 
 Float32 = NDArray[np.float32]
@@ -146,12 +147,10 @@ class Tracer:
         """Trace a part. Raises UserError where the process has another scene or another version than asked for."""
         task = self._task(part)
         renderer = self._renderer(part.tile.size, task)
-        sums, first = [], part.first
+        firsts = accumulate(part.counts[:-1], initial=part.first)
+        jobs = ((part.tile, first, count) for first, count in zip(firsts, part.counts, strict=True))
         began = clock.perf_counter()
-        for count in part.counts:
-            light, squares = block_of(renderer, task, part.tile, first, count)
-            sums.append((np.array(light), np.array(squares)))
-            first += count
+        sums = [(np.array(light), np.array(squares)) for light, squares in blocks_of(renderer, task, jobs)]
         seconds = clock.perf_counter() - began
         return Blocks(tuple(sums), device_name(renderer.capabilities), seconds)
 
