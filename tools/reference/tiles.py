@@ -1,7 +1,8 @@
 """The tiles in which a large picture is traced.
 
 They bound the memory of a device, whatever the size of the picture, and let many workers share it. A pixel has the
-same paths in a tile as in the whole picture, so tiles change no bit of a reference.
+same random numbers in a tile as in the whole picture. Tiles follow from the size of the picture alone, so whoever
+traces them gets the same sums.
 """
 
 from __future__ import annotations

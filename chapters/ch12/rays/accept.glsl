@@ -39,10 +39,12 @@ bool accept(Hit hit) {
     }
 #ifdef PATHS
     uint seed = path_ray_seed();
+    uvec2 pixel = RAY_ID + path.crop.xy;
 #else
+    uvec2 pixel = RAY_ID;
     uint seed = scrambled(floatBitsToUint(frame.view_from_clip[3].x)) ^ floatBitsToUint(frame.view_from_clip[3].y);
 #endif
-    uint drawn = scrambled(scrambled(scrambled((RAY_ID.x | RAY_ID.y << 16) ^ seed) ^ hit.instance) ^ hit.primitive);
+    uint drawn = scrambled(scrambled(scrambled((pixel.x | pixel.y << 16) ^ seed) ^ hit.instance) ^ hit.primitive);
     return alpha > float(drawn >> 8) * (1.0 / 16777216.0);
 }
 #endif
