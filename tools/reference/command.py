@@ -21,7 +21,16 @@ from tools.cli.console import Steps, say
 from tools.cli.stopping import prompt_stop
 from tools.reference.settings import TRACER, chapter_settings, differences, keyed, tracer_settings
 from tools.reference.sums import Sums
-from tools.reference.tracing import DEFAULT_PATHS, Keeper, Task, cached_path, check_goal, task_of, trace
+from tools.reference.tracing import (
+    DEFAULT_PATHS,
+    Keeper,
+    Task,
+    cached_path,
+    check_goal,
+    check_room,
+    task_of,
+    trace,
+)
 from tools.run import run as running
 from tools.run.record import naming, strata_version
 
@@ -102,6 +111,7 @@ def check_traced(request: Request, drawn: running.Request) -> None:
     """Raise UserError for what is wrong with the picture that is asked for."""
     running.check(drawn)
     check_goal(request.error, request.paths, request.filter, request.seed)
+    check_room(request.size)
 
 
 def _check(request: Request, drawn: running.Request, target: Path) -> tuple[Any, tuple[str, ...]]:
