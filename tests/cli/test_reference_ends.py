@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import sys
+
 import pytest
 
+import chapters
 from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 from chapters import scenes
@@ -74,3 +78,93 @@ def refuse(monkeypatch, width):
 
     monkeypatch.setattr(Device, "create", created)
     monkeypatch.setattr(vk, "check", checked)
+
+
+# --- places that take no file ---
+
+PIPE, LOOP, PROC = "pipe.png", "loop.png", "/proc/x.png"
+
+
+@pytest.fixture
+def places(tmp_path, monkeypatch):
+    """Make a pipe, links that lead to each other and to /dev/null, and a sweep; fail where a renderer is opened."""
+    for suffix in ("png", "npz", "webp"):
+        os.mkfifo(tmp_path / f"pipe.{suffix}")
+        (tmp_path / f"loop.{suffix}").symlink_to(f"loop.{suffix}")
+    (tmp_path / "null.png").symlink_to(os.devnull)
+    (tmp_path / "null.npz").symlink_to(os.devnull)
+    (tmp_path / "folder").mkdir()
+    os.mkfifo(tmp_path / "folder" / "sweep.csv")
+    (tmp_path / "s.toml").write_text('chapter = 12\nscene = "cornell"\nsize = "16x12"\nformat = "npy"\n')
+
+    def opened(*words, **options):
+        raise AssertionError("a renderer is opened")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(chapters, "open", opened)
+        yield tmp_path
+
+
+@pytest.mark.skipif(
+    sys.platform != "linux", reason="pipes with names, and a folder in which nobody makes a file"
+)
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        *(
+            ((*command, "--out", out), f"{out} cannot be written: {why}")
+            for command in (("reference", 12), ("run", 12))
+            for out, why in (
+                (PIPE, "it is a pipe"),
+                (LOOP, "Too many levels of symbolic links"),
+                (PROC, "no file can be made in /proc"),
+            )
+        ),
+        (("run", 12, "--path", "orbit", "--out", "pipe.webp"), "pipe.webp cannot be written: it is a pipe"),
+        (("run", 12, "--path", "orbit", "--out", "/proc"), "no file can be made in /proc"),
+        (("reference", 12, "--sums", "pipe.npz"), "--sums pipe.npz cannot be written: it is a pipe"),
+        (("reference", 12, "--sums", "loop.npz"), "--sums loop.npz cannot be written: Too many levels"),
+        (
+            ("reference", 12, "--sums", "/proc/x.npz"),
+            "--sums /proc/x.npz cannot be written: no file can be made",
+        ),
+        (("reference", 12, "--sums", "null.npz"), "--sums null.npz is a device, and keeps nothing"),
+        (
+            ("reference", "--sweep", "s.toml", "--out", "/proc"),
+            "--out /proc cannot be written: no file can be made",
+        ),
+        (
+            ("reference", "--sweep", "s.toml", "--out", "/proc/x"),
+            "--out /proc/x cannot be written: no file can",
+        ),
+        (("reference", "--sweep", "s.toml", "--out", "loop.png"), "--out loop.png is no folder"),
+        (
+            ("reference", "--sweep", "s.toml", "--out", "folder"),
+            "folder/sweep.csv cannot be written: it is a pipe",
+        ),
+    ],
+)
+def test_a_place_that_takes_no_file_is_refused_before_anything_is_traced(strata, kept, places, words, says):
+    before = sorted(os.walk(places))
+    words = words if "--sweep" in words else (*words, *SMALL)
+    code, out, err = strata(*words, *(() if "--out" in words else ("--out", "a.png")))
+    assert (code, out) == (2, "") and says in err and err.count("\n") == 1
+    assert sorted(os.walk(places)) == before and (places / "loop.npz").is_symlink()
+
+
+@pytest.mark.parametrize("command", ["reference", "run"])
+@pytest.mark.usefixtures("kept")
+def test_without_out_a_file_in_the_place_of_the_folder_is_seen_at_once(strata, tmp_path, command):
+    (tmp_path / "out").write_text("mine")
+    code, out, err = strata(command, 12, *SMALL)
+    assert (code, out) == (2, "") and err.count("\n") == 1
+    assert "Nothing can be written to" in err and "out is no folder; say --out FILE.png" in err
+    assert (tmp_path / "out").read_text() == "mine"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no /dev/null")
+def test_a_picture_may_go_to_dev_null(strata, kept, tmp_path):
+    (tmp_path / "null.png").symlink_to(os.devnull)
+    code, _, err = strata("reference", 12, *SMALL, "--paths", 1, "--out", "null.png")
+    assert code == 0 and "wrote null.png" in err
+    assert (tmp_path / "null.png").is_symlink() and os.path.exists(os.devnull)
