@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
 
 import pytest
@@ -12,6 +13,7 @@ from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 from chapters import scenes
 from common.errors import UserError
+from common.paths import ROOT
 from tools.reference import tracing
 
 pytestmark = pytest.mark.feature("path-tracer/accumulation")
@@ -168,3 +170,43 @@ def test_a_picture_may_go_to_dev_null(strata, kept, tmp_path):
     code, _, err = strata("reference", 12, *SMALL, "--paths", 1, "--out", "null.png")
     assert code == 0 and "wrote null.png" in err
     assert (tmp_path / "null.png").is_symlink() and os.path.exists(os.devnull)
+
+
+# --- signals ---
+
+ENDED = """
+import os, signal, sys
+from chapters.__main__ import run
+from tools.reference import tracing
+told, left = tracing._Speed.told, [20]
+def after(*words):
+    left[0] -= 1
+    if left[0] == 0:
+        os.kill(os.getpid(), signal.SIGTERM)
+    return told(*words)
+tracing._Speed.told = after
+sys.exit(run(sys.argv[1:]))
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there no signal asks a program to end")
+def test_sigterm_keeps_the_sums_as_ctrl_c_does(strata, tmp_path):
+    """Clusters and CI end programs by it."""
+    words = ("reference", "1", *SMALL, "--error", "0", "--paths", "24", "--out", "a.npy", "--sums", "s.npz")
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", ENDED, *words],
+        capture_output=True,
+        text=True,
+        env=environment,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 143 and done.stdout == ""
+    assert done.stderr.splitlines()[-2:] == [
+        "strata: 20 paths a pixel traced and kept in s.npz.",
+        "strata: stopped.",
+    ]
+    assert [path.name for path in tmp_path.iterdir()] == ["s.npz"]
+    code, _, err = strata(*words)
+    assert code == 0 and "24 paths a pixel, 20 of them traced before" in err
