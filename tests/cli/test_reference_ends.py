@@ -210,3 +210,26 @@ def test_sigterm_keeps_the_sums_as_ctrl_c_does(strata, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["s.npz"]
     code, _, err = strata(*words)
     assert code == 0 and "24 paths a pixel, 20 of them traced before" in err
+
+
+# --- fewer paths than there are ---
+
+
+def test_fewer_paths_than_there_are_is_said_in_a_plain_sentence(strata, kept):
+    words = ("reference", 1, *SMALL, "--out", "a.npy", "--error")
+    code, _, err = strata(*words, 0, "--paths", 24)
+    assert code == 0 and "24 paths a pixel, estimated" in err and "--paths 24 allows no more" in err
+    code, _, err = strata(*words, 0.01, "--paths", 1)
+    assert code == 0 and "24 paths a pixel, all traced before" in err and "allows no more" not in err
+    assert (
+        "strata: the estimated error is not yet 0.01, and 24 paths a pixel are there already, more than --paths 1 asks "
+        "for: with a number above 24 the same command goes on.\n"
+    ) in err
+    code, _, err = strata(*words, 1, "--paths", 1)  # an error that is reached
+    assert code == 0 and "not yet" not in err
+    code, _, err = strata(*words, 0.01, "--paths", 25)
+    assert (
+        code == 0
+        and "25 paths a pixel, 24 of them traced before" in err
+        and "--paths 25 allows no more" in err
+    )

@@ -21,8 +21,8 @@ from tools.reference.tracing import reference
 pytestmark = pytest.mark.feature("path-tracer/accumulation")
 
 SIZE = (16, 12)
-SHADOWS, INDIRECT = "no shadows of the light from everywhere", "no light that one surface sends to another"
-LOSS = " Rough metals reflect all of the light from everywhere, and in the reference a part of it."
+SHADOWS, INDIRECT = "no shadows of ambient light", "no light that one surface sends to another"
+LOSS = " Rough metals reflect all of the ambient light, and in the reference a part of it."
 GLASS = replace(MATTE, alpha_mode="blend", base_color=(0.7, 0.5, 0.3, 0.5))
 METAL = Material(base_color=(1.0, 1.0, 1.0, 1.0), metallic=1.0, roughness=1.0, double_sided=True)
 
@@ -112,7 +112,7 @@ def test_shadows_of_the_default_light_are_in_the_reference_alone():
     assert "no shadows of the default light" in said
 
 
-def test_shadows_of_the_light_from_everywhere_are_in_the_reference_alone():
+def test_shadows_of_ambient_light_are_in_the_reference_alone():
     scene = above_the_ground(MATTE, 1.2, 0.3, 1.6, light=False)
     drawn, light, said = pictures(1, scene, ambient=1.0, default_light=False)
     assert np.ptp(drawn) < 1e-3 * drawn.max()
@@ -121,7 +121,7 @@ def test_shadows_of_the_light_from_everywhere_are_in_the_reference_alone():
 
 
 @pytest.mark.parametrize(("roughness", "part"), [(1.0, 0.31), (0.2, 1.0)])
-def test_rough_metals_reflect_all_of_the_light_from_everywhere_in_chapters_alone(roughness, part):
+def test_rough_metals_reflect_all_of_the_ambient_light_in_chapters_alone(roughness, part):
     """A white metal seen along its normal. Between facets of roughness 1 two thirds are lost, and of 0.2 little."""
     scene = quad_scene(replace(METAL, roughness=roughness), matrices=(placed((0, 0, 0), (8, 8), (0, 1, 0)),))
     drawn, light, said = pictures(1, scene, ambient=1.0, default_light=False)

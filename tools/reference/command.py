@@ -251,7 +251,12 @@ def _tell(request: Request, keeper: Keeper, before: int, error: float, target: P
     new = sums.paths - before
     old = f", {before} of them traced before" if new and before else "" if new else ", all traced before"
     say(f"{what}: {_counted(sums.paths)}{old}, estimated error {error:.3g}: wrote {target}")
-    if error > request.error:
+    if error > request.error and sums.paths > request.paths:
+        say(
+            f"strata: the estimated error is not yet {request.error:g}, and {_counted(sums.paths)} are there already, "
+            f"more than --paths {request.paths} asks for: with a number above {sums.paths} the same command goes on."
+        )
+    elif error > request.error:
         say(
             f"strata: the estimated error is not yet {request.error:g}: --paths {request.paths} allows no more; "
             "with a larger number the same command goes on."

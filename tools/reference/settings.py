@@ -109,7 +109,7 @@ def differences(which: chapters.Whole, settings: Any, scene: Scene) -> str:
         missing += ["no shadows of blended surfaces"] * any(map(_casts_blended, scene.materials))
     missing.append("no light that one surface sends to another")
     missing += ["no shadows of the environment's light"] * is_lit_from_afar
-    missing += ["no shadows of the light from everywhere"] * (light.ambient() > 0.0)
+    missing += ["no shadows of ambient light"] * (light.ambient() > 0.0)
     if scene.medium is not None and "fog" not in values:
         missing.append("no fog")
     text = " and ".join([*([", ".join(missing[:-1])] if missing[1:] else []), missing[-1]])
@@ -117,7 +117,7 @@ def differences(which: chapters.Whole, settings: Any, scene: Scene) -> str:
     text = f"{spoken[:1].upper()}{spoken[1:]} draws by design {text}: the reference has them."
     keeps_energy = is_lit_from_afar and values["energy"] != "gltf"  # then paths reflect all of it, too
     if light.ambient() > 0.0 and not keeps_energy and any(map(_is_rough_metal, scene.materials)):
-        text += " Rough metals reflect all of the light from everywhere, and in the reference a part of it."
+        text += " Rough metals reflect all of the ambient light, and in the reference a part of it."
     return text
 
 
