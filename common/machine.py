@@ -15,11 +15,11 @@ def free_memory() -> int | None:
 
     Linux gives memory that is not there, and ends the program that writes to it: a program has to ask before.
     """
-    found = []
+    limits = []
     with suppress(OSError, ValueError, IndexError):
         for line in MEMINFO.read_text("ascii").splitlines():
             if line.startswith("MemAvailable:"):
-                found.append(int(line.split()[1]) << 10)
+                limits.append(int(line.split()[1]) << 10)
     with suppress(OSError, ValueError):
-        found.append(int(LIMIT.read_text("ascii")))
-    return min(found, default=None)
+        limits.append(int(LIMIT.read_text("ascii")))
+    return min(limits, default=None)

@@ -108,7 +108,7 @@ def places(tmp_path, monkeypatch):
 
 
 @pytest.mark.skipif(
-    sys.platform != "linux", reason="pipes with names, and a folder in which nobody makes a file"
+    sys.platform != "linux", reason="pipes with names, and a folder in which no file can be made"
 )
 @pytest.mark.parametrize(
     ("words", "says"),
