@@ -118,6 +118,34 @@ def test_sums_begin_anew_when_anything_changes(chapter):
         assert np.array_equal(after, light(renderer, AROUND))
 
 
+@pytest.mark.core
+@pytest.mark.feature("path-tracer/accumulation")
+@pytest.mark.parametrize(
+    ("knobs", "places"),
+    [
+        ({"path_error": 0.12, "path_sequence": "sobol"}, [(8, 0), (4, 8), (6, 0)]),
+        ({}, [(3, 5), (8, 8)]),
+    ],
+)
+def test_a_part_of_a_larger_picture_has_its_paths(lit, knobs, places):
+    """Bit for bit: sums go on, whole blocks of 4x4 pixels stop at the same paths, and another part begins anew."""
+    technique = lit.techniques["paths"]
+    with turned(lit, path_samples=16, **knobs):
+        whole = light(lit, AROUND, 4)
+        traced = lit.render(AROUND).work["path_total"] / (5 * 16 * 12 * 16)
+        assert 0.4 < traced < 1.0 if knobs else traced == 1.0
+        try:
+            lit.resize((8, 4))
+            for x, y in places:
+                technique.crop = (x, y, *SIZE)
+                part, wanted = light(lit, AROUND, 4), whole[y : y + 4, x : x + 8]
+                inner = slice(-x % 4, 8 - x % 4) if knobs else slice(None)
+                assert np.array_equal(part[:, inner], wanted[:, inner])
+        finally:
+            technique.crop = None
+            lit.resize(SIZE)
+
+
 @pytest.mark.feature("path-tracer/accumulation")
 def test_a_finished_picture_rests(lit):
     with turned(lit, path_samples=3, path_limit=7):

@@ -19,7 +19,7 @@ from common.paths import write_whole
 from tests.support import sweep_parts
 from tests.support.packages import BACKENDS
 from tools.reference import command as single
-from tools.reference import tracing
+from tools.reference import tiles, tracing
 from tools.reference.sums import block_after, write_sums
 from tools.reference.sweep import command, merging, pools, table, work
 
@@ -85,19 +85,6 @@ def rows(folder):
         return [*csv.DictReader(stream)]
 
 
-def on_outcomes(monkeypatch, kind, number, act):
-    """Call `act` with the pool before the outcome of this number is waited for."""
-    outcomes, left = kind.outcomes, [number]
-
-    def watched(self):
-        left[0] -= 1
-        if left[0] == 0:
-            act(self)
-        return outcomes(self)
-
-    monkeypatch.setattr(kind, "outcomes", watched)
-
-
 # --- the bits ---
 
 
@@ -132,7 +119,7 @@ def test_24_references_on_two_workers_are_those_of_one_process_though_a_worker_i
         killed.append(nanny.pid)
         os.kill(nanny.pid, getattr(signal, "SIGKILL", signal.SIGTERM))
 
-    on_outcomes(monkeypatch, pools.Workers, 24, kill)
+    sweep_parts.on_outcomes(monkeypatch, pools.Workers, 24, kill)
     code, out, err = sweep(strata, tmp_path, TWENTY_FOUR, "two", "--workers", 2, "--no-cache")
     assert code == 0, err
     assert (
@@ -145,45 +132,13 @@ def test_24_references_on_two_workers_are_those_of_one_process_though_a_worker_i
     assert tables[0] == tables[1] and len(tables[0]) == 24
 
 
-def merged_alone(reference):
-    """Return the sums of a reference block by block, with an error judged after each: (light, squares, paths)."""
-    width, height = reference.request.size
-    light, squares, paths = np.zeros((height, width, 4)), np.zeros((height, width, 2)), 0
-    while paths + (count := block_after(paths, width * height)) <= reference.request.paths:
-        part = work.Part(reference.request, (), reference.number, paths, (count,))
-        ((one, two),) = sweep_parts.blocks_of(part).sums
-        light, squares, paths = light + one.astype(float), squares + two.astype(float), paths + count
-        if paths < 32 or paths % max(2 ** (paths.bit_length() - 5), 1):
-            continue
-        mean = light[..., :3] @ (0.2126, 0.7152, 0.0722) / paths
-        variance = np.maximum(squares[..., 0] / paths - mean**2, 0.0) / (paths - 1)
-        dark = 0.01 / reference.scale
-        if np.sqrt((variance / (mean**2 + dark**2)).mean()) <= reference.request.error:
-            break
-    return light, squares, paths
+@pytest.mark.parametrize(("seed", "largest"), [(0, 512), (1, 512), (2, 1), (3, 2), (4, 2)])
+def test_parts_in_any_order_give_the_sums_of_blocks_in_order(seed, largest, monkeypatch):
+    """Some references stop at an error, in the middle of a part, and some at a number of paths.
 
-
-class AnyOrder(pools.Here):
-    """Ends parts in an order by lot, several at a time."""
-
-    workers = 5
-
-    def __init__(self, seed):
-        super().__init__()
-        self._lot = np.random.default_rng(seed)
-        self.traced = 0
-
-    def outcomes(self):
-        order = [*self._lot.permutation(len(self._parts))][: self._lot.integers(1, 4)]
-        chosen = [self._parts[number] for number in order]
-        self.drop({part.key for part in chosen})
-        self.traced += len(chosen)
-        return [(part, sweep_parts.blocks_of(part)) for part in chosen]
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_parts_in_any_order_give_the_sums_of_blocks_in_order(seed):
-    """Some references stop at an error, in the middle of a part, and some at a number of paths."""
+    They have one tile, six, or two that overlap.
+    """
+    monkeypatch.setattr(tiles, "LARGEST", largest)
     goals = [(0.0, 77), (0.12, 4096), (0.2, 4096), (0.0, 1), (0.25, 300), (0.0, 0)]
     requests = [single.Request(1, size=(3, 2), error=error, paths=paths) for error, paths in goals]
     references = [
@@ -191,7 +146,7 @@ def test_parts_in_any_order_give_the_sums_of_blocks_in_order(seed):
         for number, request in enumerate(requests)
     ]
     found, told = {}, []
-    pool = AnyOrder(seed)
+    pool = sweep_parts.AnyOrder(seed)
     merging.Merging(
         references,
         pool,
@@ -199,7 +154,7 @@ def test_parts_in_any_order_give_the_sums_of_blocks_in_order(seed):
         lambda part, text: told.append((part, text)),
     ).run()
     for reference in references:
-        light, squares, paths = merged_alone(reference)
+        light, squares, paths = sweep_parts.merged_alone(reference)
         sums = found[reference.number].sums
         assert sums.paths == paths and sums.devices == (("made up",) if paths else ())
         assert np.array_equal(sums.light, light) and np.array_equal(sums.squares, squares)
@@ -209,20 +164,32 @@ def test_parts_in_any_order_give_the_sums_of_blocks_in_order(seed):
 
 
 @pytest.mark.parametrize(
-    ("pixels", "most"), [(1, 4096), (256, 1000), (64 * 36, 5000), (1920 * 1080, 40), (1 << 23, 3)]
+    ("size", "most"),
+    [
+        ((1, 1), 4096),
+        ((16, 16), 1000),
+        ((64, 36), 5000),
+        ((512, 512), 600),
+        ((1920, 1080), 300),
+        ((4096, 2048), 3),
+    ],
 )
-def test_parts_are_the_blocks_of_one_run(pixels, most):
+def test_parts_are_the_blocks_of_one_run(size, most):
+    """In tiles there are as few bytes and paths in a part as in small pictures, and few of all tiles wait."""
+    cut, pixels = tiles.tiles_of(size), size[0] * size[1]
+    of_tile = cut[0].size[0] * cut[0].size[1]
     blocks, paths = [], 0
     while paths + (count := block_after(paths, pixels)) <= most:
         blocks.append(count)
         paths += count
     parts, first = [], 0
-    while counts := work.counts_of(first, pixels, most):
+    while counts := work.counts_of(first, size, most):
         parts.append(counts)
         first += sum(counts)
     assert [count for part in parts for count in part] == blocks
     for part in parts:
-        assert len(part) == 1 or (24 * pixels * len(part) <= 64 << 20 and sum(part) * pixels <= 1 << 22)
+        assert 24 * of_tile * len(part) <= 64 << 20 and sum(part) * of_tile <= 1 << 22
+        assert len(part) == 1 or 24 * of_tile * len(cut) * len(part) <= 256 << 20
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -234,7 +201,7 @@ def test_references_of_equal_contents_go_on_with_one_another(strata, tmp_path, m
     assert code == 0, err
     first, second = rows(tmp_path / "a")
     assert (first["paths"], second["paths"], second["seconds"]) == ("64", "64", "0.000")
-    assert len({*pictures(tmp_path / "a").values()}) == 1 and {reference for reference, _ in made_up} == {0}
+    assert len({*pictures(tmp_path / "a").values()}) == 1 and {key[0] for key in made_up} == {0}
 
 
 # --- interruptions ---
@@ -251,7 +218,7 @@ def test_ctrl_c_keeps_what_is_merged_and_the_same_command_goes_on(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patched:
-        on_outcomes(patched, pools.Here, 8, stop)
+        sweep_parts.on_outcomes(patched, pools.Here, 8, stop)
         code, out, err = sweep(strata, tmp_path, FOUR, "a", "--workers", 0)
     assert (code, out) == (130, "")
     assert len(made_up) == 7 and len(rows(tmp_path / "a")) == 2
@@ -300,7 +267,7 @@ def test_a_full_cache_is_said_once_and_sums_of_an_interrupted_sweep_go_beside(
     def stop(pool):
         raise KeyboardInterrupt
 
-    on_outcomes(monkeypatch, pools.Here, 2, stop)
+    sweep_parts.on_outcomes(monkeypatch, pools.Here, 2, stop)
     code, _, err = sweep(strata, tmp_path, FOUR, "b", "--workers", 0)
     assert code == 130 and "--sums b/ch01-cornell-seed-0.npy.npz of `strata reference` goes on" in err
     assert [path.name for path in (tmp_path / "b").iterdir()] == ["ch01-cornell-seed-0.npy.npz"]
@@ -363,7 +330,7 @@ def test_a_worker_with_another_scene_or_version_is_refused(vulkan_instance):
     scene, hashed = work.Loaded().get(request)
     facts = work.task_for(request, scene).facts(hashed) | {"scene": "", "version of the path tracer": ""}
     with pytest.raises(pools.UserError, match="of another scene and another version of the path tracer"):
-        tracer.trace(work.Part(request, tuple(facts.items()), 0, 0, (1,)))
+        tracer.trace(work.Part(request, tuple(facts.items()), 0, 0, (1,), *tiles.tiles_of((16, 16))))
     tracer.close()
 
 

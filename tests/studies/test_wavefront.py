@@ -66,7 +66,7 @@ def agree(stage, loop, wave):
 
 @pytest.mark.feature("path-tracer/core")
 def test_both_kernels_trace_the_same_picture(stage, both):
-    """Sums of frames, and knobs that change the number of rounds and of paths while frames are drawn."""
+    """Sums of frames, knobs that change the number of rounds and of paths, and a part of a larger picture."""
     pictures = []
     for knobs in ({}, {"path_bounces": 1}, {"path_samples": 1, "path_seed": 3}, {"path_strategy": "bsdf"}):
         shown = []
@@ -77,8 +77,14 @@ def test_both_kernels_trace_the_same_picture(stage, both):
             shown.append(light(renderer, 2))
         agree(stage, *shown)
         pictures.append(shown[0])
+    for renderer in both:
+        renderer.techniques["paths"].crop = (10, 6, 48, 32)
+    shown = [light(renderer, 2) for renderer in both]
+    agree(stage, *shown)
+    pictures.append(shown[0])
     assert all(np.abs(other - pictures[0]).max() > 0.1 * pictures[0].mean() for other in pictures[1:])
     for renderer in both:
+        renderer.techniques["paths"].crop = None
         for name, value in {
             "path_bounces": 3,
             "path_samples": 2,

@@ -68,15 +68,17 @@ class Sums:
         light, squares = (np.zeros((height, width, count)) for count in CHANNELS.values())
         return cls(light, squares)
 
-    def plus(self, light: Float32, squares: Float32, count: int, device: str) -> Sums:
-        """Return these sums and those of the next `count` paths, as the path tracer's images have them."""
-        devices = self.devices if device in self.devices else (*self.devices, device)
+    def plus(self, light: Float32, squares: Float32, count: int, *devices: str) -> Sums:
+        """Return these sums and those of the next `count` paths, as the path tracer's images have them.
+
+        `devices` are those that traced them.
+        """
         return replace(
             self,
             light=self.light + light,
             squares=self.squares + squares[..., :2],
             paths=self.paths + count,
-            devices=devices,
+            devices=tuple(dict.fromkeys((*self.devices, *devices))),
         )
 
     @property

@@ -13,7 +13,7 @@ import hashlib
 import platform
 import threading
 import time as clock
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -35,6 +35,7 @@ from common.view.camera import View, exposure, view_of_scene
 from tools.reference import contents
 from tools.reference.settings import TRACER, chapter_settings, tracer_settings
 from tools.reference.sums import CHANNELS, Sums, block_after, is_judged, read_sums, write_sums
+from tools.reference.tiles import Tile, merged, tiles_of
 
 Float32 = NDArray[np.float32]
 
@@ -45,8 +46,8 @@ MOST_SEED = 2**31
 KEEP_EVERY_S = 30.0
 """Seconds between two times at which sums are written while paths are traced; ten times what that takes, if longer."""
 
-BYTES_OF_PIXEL = 2 * 8 * sum(CHANNELS.values()) + 2 * 16
-"""What a pixel takes of the machine's memory at least: sums before and after a block, and the block's two images."""
+BYTES_OF_PIXEL = (8 + 8 + 4) * sum(CHANNELS.values())
+"""What a pixel takes of the machine's memory at least: its sums before and after a block, and those of the block."""
 
 VECTORS = ("sse", "ssse", "avx", "fma", "f16c", "bmi", "asimd", "fp", "sve")
 """How the features of a processor begin on which a compiled shader's bits may depend."""
@@ -160,24 +161,53 @@ def trace(
     if found <= error or keeper.sums.paths + block_after(keeper.sums.paths, pixels) > paths:
         return keeper.sums.error(task.exposure) if keeper.sums.paths else 1.0
     try:
-        with opened(task, device) as renderer:
+        with opened(task, tiles_of(task.size)[0].size, device) as renderer:
             _trace(renderer, task, keeper, device_name(renderer.capabilities), error, paths, progress)
     finally:
         keeper.keep()
     return keeper.sums.error(task.exposure)
 
 
-def opened(task: Task, device: Any = None) -> Any:
-    """Return a renderer that traces a task; `device` is one of `chapters.open` to share, or None."""
+def opened(task: Task, size: tuple[int, int], device: Any = None) -> Any:
+    """Return a renderer for tiles of a task; `device` is one of `chapters.open` to share, or None."""
     return chapters.open(
         TRACER,
         task.backend,
         scene=task.scene,
-        size=task.size,
+        size=size,
         settings=replaced(task.settings, path_samples=1),
         outputs={"path_sums", "path_squares"},
         **({} if device is None else {"device": device}),
     )
+
+
+Job = tuple[Tile, int, int]
+"""A tile, the number of its first path, and how many paths of each pixel."""
+
+
+def blocks_of(renderer: Any, task: Task, jobs: Iterable[Job]) -> Iterator[tuple[Float32, Float32]]:
+    """Yield the sums of the paths of each job, of each pixel of its tile.
+
+    Of light (h, w, 4), and of squares (h, w, 2), as the path tracer's images have them; they are valid until the next
+    ones are asked for. The GPU traces the next job while those of one are read and merged.
+    """
+    knobs, before = renderer.settings.paths, None
+    for tile, first, count in jobs:
+        knobs.path_first, knobs.path_samples = first, count
+        renderer.techniques["paths"].crop = (*tile.first, *task.size)
+        renderer.reset_history(
+            "another block"
+        )  # else a frame that shows the same as the one before has the next paths
+        frame = renderer.render(task.view, task.time)
+        if before is not None:
+            yield _sums_of(before)
+        before = frame
+    if before is not None:
+        yield _sums_of(before)
+
+
+def _sums_of(frame: Any) -> tuple[Float32, Float32]:
+    return frame.image("path_sums"), frame.image("path_squares")[..., :2]
 
 
 def device_name(capabilities: Any) -> str:
@@ -201,21 +231,25 @@ def cpu_features() -> str:
 def _trace(
     renderer: Any, task: Task, keeper: Keeper, device: str, error: float, paths: int, progress: Progress
 ) -> None:
-    pixels, knobs = task.size[0] * task.size[1], renderer.settings.paths
-    speed = _Speed(keeper.sums.paths)
+    pixels, tiles = task.size[0] * task.size[1], tiles_of(task.size)
+    speed, told = _Speed(keeper.sums.paths), (0.0, "")
+
+    def tile_done(tile: Tile) -> None:
+        if tiles[1:]:
+            progress(told[0], f"{told[1]}, tile {tile.number + 1} of {len(tiles)}".removeprefix(", "))
+
     next_keep = clock.perf_counter() + KEEP_EVERY_S
     while (first := keeper.sums.paths) + (count := block_after(first, pixels)) <= paths:
-        knobs.path_first, knobs.path_samples = first, count
-        frame = renderer.render(task.view, task.time)
-        block = frame.image("path_sums"), frame.image("path_squares")
-        keeper.sums = keeper.sums.plus(
-            *block, count, device
-        )  # in one step: an interruption finds it before or after
+        blocks = blocks_of(renderer, task, ((tile, first, count) for tile in tiles))
+        block = merged(tiles, task.size, blocks, tile_done)
+        # In one step: an interruption finds the sums before or after a block.
+        keeper.sums = keeper.sums.plus(*block, count, device)
         found = judged(keeper.sums, task.exposure)
         if found <= error:
             return
         speed.passed(keeper.sums.paths)
-        progress(*speed.told(found, error, paths))
+        told = speed.told(found, error, paths)
+        progress(*told)
         now = clock.perf_counter()
         if now >= next_keep:
             keeper.keep()

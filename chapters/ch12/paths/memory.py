@@ -12,7 +12,7 @@ from ..frames.frame import SLOTS
 from .model import CELLS, Tables
 from .passes import BLOCK_BYTES, FRAME, GROUPS, TABLES, TOLD
 
-BLOCK = struct.Struct("=4I4I4I4f4I")
+BLOCK = struct.Struct("=4I4I4I4f4I4I")
 """The block of paths/frame.glsl, BLOCK_BYTES long."""
 
 
@@ -44,6 +44,7 @@ class PathMemory:
         samples: tuple[int, int, int, int],
         knobs: tuple[int, int, int, int],
         choice: tuple[float, float],
+        crop: tuple[int, int, int, int],
     ) -> int:
         """Write the block of a slot, by the members of paths/frame.glsl; return the bytes written.
 
@@ -57,6 +58,7 @@ class PathMemory:
             *knobs,
             *(choice[0], float(CELLS), choice[1] ** 2, 0.0),
             *self._tables.tree_places,
+            *crop,
         )
         return BLOCK_BYTES
 

@@ -39,7 +39,7 @@ GROUPS, THREADS = 128, 64
 TABLES, FRAME = "path_tables", "path_frame"
 """The tables by which rays are sent towards light, and what paths of a frame are told."""
 
-BLOCK_BYTES = 80
+BLOCK_BYTES = 96
 """Bytes of the block of a frame (paths/frame.glsl)."""
 
 

@@ -44,13 +44,15 @@ void run(uvec3 id) {
     focus = focus_ahead();
 #endif
     uint count = paths_of(pixel, size);
+    // A part of a larger picture has the paths of that one.
+    ivec2 place = pixel + ivec2(path.crop.xy), whole = ivec2(path.crop.zw);
     Walk walk;
     bool on_its_way = false;
     // One loop over the vertices of all paths: an invocation whose path ends begins the next one while its neighbours, which
     // share the processor's lanes, are still on their way.
     for (uint i = 0u; i < count;) {
         if (!on_its_way) {
-            walk = walk_from_eye(pixel, size, i, focus);
+            walk = walk_from_eye(place, whole, i, focus);
         }
         on_its_way = next_vertex(walk, path_begin(i));
         if (!on_its_way) {

@@ -10,12 +10,14 @@ layout(BIND(3, PATH_BINDING + 4, 2), rgba32f) uniform writeonly image2D history_
 layout(BIND(3, PATH_BINDING + 5, 3), rgba32f) uniform writeonly image2D history_squares;  // x: of luminance; y: paths left out
 layout(BIND(3, PATH_BINDING + 6, 4), FORMAT) uniform writeonly image2D color_traced;
 
-// Whether the pixels around one, a block of 4 x 4, have paths enough. All of a block say the same.
+// Whether the pixels around one, a block of 4 x 4, have paths enough. All of a block say the same. Blocks are those of the whole
+// picture, and of one that lies across the edge of a part the pixels within count.
 bool is_done(ivec2 pixel, ivec2 size) {
     if (path.choice.z == 0.0) {
         return false;
     }
-    ivec2 first = pixel & ~3, end = min(first + 4, size);
+    ivec2 crop = ivec2(path.crop.xy), corner = ((pixel + crop) & ~3) - crop;
+    ivec2 first = max(corner, ivec2(0)), end = min(corner + 4, size);
     float sum = 0.0;
     for (int y = first.y; y < end.y; ++y) {
         for (int x = first.x; x < end.x; ++x) {

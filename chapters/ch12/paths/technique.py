@@ -35,6 +35,12 @@ class PathTechnique(Technique):
         self._seen: Any = None
         self._drawn: Any = None
         self._size = (1, 1)
+        self.crop: tuple[int, int, int, int] | None = None
+        """Of what larger picture the one that is drawn is a part: x, y, width, height. None: it is whole.
+
+        x and y are the place of its upper left pixel there, width and height the size of the larger picture. Pixels
+        have the paths that they have there. It may be set before each frame; sums begin anew.
+        """
         self._lights: bytes | None = None  # the records of which the tables have a tree
         self._packed: dict[int, Any] = {}  # those of each slot
 
@@ -75,6 +81,10 @@ class PathTechnique(Technique):
         self._lights = lights
         return tables.with_lights(records)
 
+    def constants(self, frame: FrameInfo) -> dict[str, Any]:
+        """Return the aspect of the larger picture, if there is one: rays have its projection."""
+        return {} if self.crop is None else {"aspect": self.crop[2] / self.crop[3]}
+
     def prepare(self, frame: FrameInfo) -> int:
         """Write which paths the frame traces; return the bytes written."""
         if self._memory is None:
@@ -101,13 +111,13 @@ class PathTechnique(Technique):
         self.work = {"path_samples": self._count, "path_new_samples": count}
         goes_on = knobs.path_average and first > 0
         samples = (knobs.path_first + first) & 0xFFFFFFFF, count, int(goes_on), knobs.path_seed
-        words = model.knob_words(knobs)
-        return self._memory.write(frame.slot, samples, words, (self._towards_environment, knobs.path_error))
+        words, choice = model.knob_words(knobs), (self._towards_environment, knobs.path_error)
+        return self._memory.write(frame.slot, samples, words, choice, self.crop or (0, 0, *frame.size))
 
     def _state(self) -> tuple[Any, ...]:
-        """Return the knobs that paths depend on; all of them can be set while frames are drawn."""
+        """Return what paths depend on and may change while frames are drawn: knobs, and the larger picture."""
         knobs = self._knobs
-        return knobs.path_average, knobs.path_first, knobs.path_seed, model.knob_words(knobs)
+        return knobs.path_average, knobs.path_first, knobs.path_seed, model.knob_words(knobs), self.crop
 
     @property
     def tells(self) -> bool:

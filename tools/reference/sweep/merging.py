@@ -1,7 +1,8 @@
-"""References while they are traced: parts are handed out, and merged in the order of their paths.
+"""References while they are traced: parts are handed out, and merged in the order of their paths and tiles.
 
-What stops a reference is decided by its merged paths alone, as `tracing.trace` does it: parts that were handed out
-ahead and lie beyond are dropped. So neither the number of workers nor the order in which they finish changes a bit.
+Blocks are merged once all tiles have them. What stops a reference is decided by its merged paths alone, as
+`tracing.trace` does it: parts that were handed out ahead and lie beyond are dropped. So neither the number of workers
+nor the order in which they finish changes a bit.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from tools.reference.command import Request
 from tools.reference.contents import file_name
 from tools.reference.sums import Sums
 from tools.reference.sweep.pools import Pool
-from tools.reference.sweep.work import Blocks, Part, counts_of
+from tools.reference.sweep.work import Blocks, Key, Part, counts_of
+from tools.reference.tiles import Tile, merged, tiles_of
 from tools.reference.tracing import KEEP_EVERY_S, Keeper, cached_path, judged, spoken_time
 
 
@@ -44,18 +46,21 @@ class Reference:
     """Its sums, from its first part to its end."""
     problem: StrataError | None = None
     done: bool = False
-    flying: set[tuple[int, int]] = field(default_factory=set)
+    flying: set[Key] = field(default_factory=set)
     part_of_whole: float = 0.0
-    _ahead: dict[int, Blocks] = field(default_factory=dict)
-    _parts: dict[int, Part] = field(default_factory=dict)
+    _ahead: dict[int, dict[int, Blocks]] = field(default_factory=dict)
+    """By the number of the first path and that of the tile."""
     _next: int = 0
+    _next_tile: int = 0
+    _needed: float = math.inf
+    """About how many paths suffice."""
     _seconds: float = 0.0
     _next_keep: float = 0.0
 
-    @property
-    def pixels(self) -> int:
-        """The pixels of the picture."""
-        return self.request.size[0] * self.request.size[1]
+    @cached_property
+    def tiles(self) -> tuple[Tile, ...]:
+        """The tiles of the picture."""
+        return tiles_of(self.request.size)
 
     @cached_property
     def content(self) -> str:
@@ -69,15 +74,21 @@ class Reference:
         self._next = self.keeper.sums.paths
         self._next_keep = clock.perf_counter() + KEEP_EVERY_S
         self._judge()
+        self._follow()
 
     def next_part(self) -> Part | None:
-        """Return the next part to be traced, or None where paths that are handed out reach the limit."""
-        counts = counts_of(self._next, self.pixels, self.request.paths)
+        """Return the next part to be traced, or None where paths that are handed out reach the limit.
+
+        The same paths of all tiles come before further ones.
+        """
+        counts = self._counts(self._next)
         if self.done or not counts:
             return None
-        part = Part(self.request, tuple(self.facts.items()), self.number, self._next, counts)
-        self._next = part.end
-        self._parts[part.first] = part
+        facts = tuple(self.facts.items())
+        part = Part(self.request, facts, self.number, self._next, counts, self.tiles[self._next_tile])
+        self._next_tile = (self._next_tile + 1) % len(self.tiles)
+        if self._next_tile == 0:
+            self._next = part.end
         self.flying.add(part.key)
         return part
 
@@ -85,14 +96,17 @@ class Reference:
         """Merge a part, and those behind it that came earlier, as far as no part before is missing."""
         assert self.keeper is not None
         self.flying.discard(part.key)
-        self._ahead[part.first] = blocks
-        while (first := self.keeper.sums.paths) in self._ahead:
-            merged, found = self._parts.pop(first), self._ahead.pop(first)
-            self._seconds += found.seconds
-            for count, (light, squares) in zip(merged.counts, found.sums, strict=True):
-                self.keeper.sums = self.keeper.sums.plus(light, squares, count, found.device)
+        self._ahead.setdefault(part.first, {})[part.tile.number] = blocks
+        while len(self._ahead.get(first := self.keeper.sums.paths, ())) == len(self.tiles):
+            found = [blocks for _, blocks in sorted(self._ahead.pop(first).items())]
+            self._seconds += sum(one.seconds for one in found)
+            devices = [one.device for one in found]
+            for number, count in enumerate(self._counts(first)):
+                block = merged(self.tiles, self.request.size, (one.sums[number] for one in found))
+                self.keeper.sums = self.keeper.sums.plus(*block, count, *devices)
                 if self._judge():
                     return
+        self._follow()
         self._keep_sometimes()
 
     def end(self) -> Finished:
@@ -101,23 +115,33 @@ class Reference:
         self.keeper.keep()
         sums = self.keeper.sums
         self._ahead.clear()
-        self._parts.clear()
         error = sums.error(self.scale) if sums.paths else 1.0
         return Finished(sums, error, self._seconds)
+
+    def _counts(self, first: int) -> tuple[int, ...]:
+        """Return the blocks of the parts that begin after `first` paths."""
+        return counts_of(first, self.request.size, self.request.paths)
 
     def _judge(self) -> bool:
         """Find out whether the merged paths suffice, and return it."""
         assert self.keeper is not None
         sums, request = self.keeper.sums, self.request
         found = judged(sums, self.scale)
-        if found <= request.error or not counts_of(sums.paths, self.pixels, request.paths):
+        if found <= request.error or not self._counts(sums.paths):
             self.done, self.part_of_whole = True, 1.0
         elif request.error == 0.0:
-            self.part_of_whole = sums.paths / request.paths
+            self._needed = request.paths
         elif math.isfinite(found):
-            needed = sums.paths * (found / request.error) ** 2
-            self.part_of_whole = sums.paths / min(needed, request.paths)
+            self._needed = min(sums.paths * (found / request.error) ** 2, request.paths)
         return self.done
+
+    def _follow(self) -> None:
+        """Find out which part of the whole is behind, tiles that wait for others included."""
+        assert self.keeper is not None
+        if not self.done:
+            waiting = sum(len(found) * sum(self._counts(first)) for first, found in self._ahead.items())
+            paths = self.keeper.sums.paths + waiting / len(self.tiles)
+            self.part_of_whole = min(paths / self._needed, 1.0)
 
     def _keep_sometimes(self) -> None:
         assert self.keeper is not None

@@ -22,7 +22,7 @@ from typing import Any, Protocol
 from common import packages
 from common.errors import StrataError, UserError
 from tools.reference import contents
-from tools.reference.sweep.work import Blocks, Part, Tracer, trace_part
+from tools.reference.sweep.work import Blocks, Key, Part, Tracer, trace_part
 
 Outcome = tuple[Part, Blocks | Exception]
 
@@ -58,7 +58,7 @@ class Pool(Protocol):
     def outcomes(self) -> list[Outcome]:
         """Wait a while for parts that are done, or that failed."""
 
-    def drop(self, keys: Collection[tuple[int, int]]) -> None:
+    def drop(self, keys: Collection[Key]) -> None:
         """Forget parts."""
 
 
@@ -93,7 +93,7 @@ class Here:
         except StrataError as error:
             return [(part, error)]
 
-    def drop(self, keys: Collection[tuple[int, int]]) -> None:
+    def drop(self, keys: Collection[Key]) -> None:
         """Forget parts."""
         self._parts = deque(part for part in self._parts if part.key not in keys)
 
@@ -108,7 +108,7 @@ class Workers:
         self, count: int, address: str | None = None, run: Callable[[Part], Blocks] = trace_part
     ) -> None:
         self._count, self._address, self._run = count, address, run
-        self._futures: dict[tuple[int, int], Any] = {}
+        self._futures: dict[Key, Any] = {}
         self._done: queue.SimpleQueue[tuple[Part, Any]] = queue.SimpleQueue()
         self._stack = ExitStack()
         self.cluster: Any = None
@@ -211,7 +211,7 @@ class Workers:
 
     def submit(self, part: Part) -> None:
         """Have a part traced."""
-        name = f"part-{part.reference}-{part.first}-{uuid.uuid4().hex}"
+        name = f"part-{'-'.join(map(str, part.key))}-{uuid.uuid4().hex}"
         future = self._client.submit(self._run, part, key=name, pure=False, priority=-part.reference)
         self._futures[part.key] = future
         future.add_done_callback(lambda done: self._done.put((part, done)))
@@ -237,7 +237,7 @@ class Workers:
         except (CancelledError, asyncio.CancelledError):
             raise UserError(self._gone()) from None
 
-    def drop(self, keys: Collection[tuple[int, int]]) -> None:
+    def drop(self, keys: Collection[Key]) -> None:
         """Forget parts; those that are being traced end by themselves."""
         futures = [self._futures.pop(key) for key in keys if key in self._futures]
         if futures:
@@ -286,7 +286,10 @@ def _versions(told: dict[str, Any]) -> dict[str, str]:
 
 
 def _spoken(part: Part) -> str:
-    return f"the part with its paths {part.first} to {part.end - 1}"
+    (x, y), (width, height) = part.tile.first, part.tile.size
+    whole = part.tile.size == part.request.size
+    where = "" if whole else f" in the tile of {width}x{height} pixels at {x},{y}"
+    return f"the part with its paths {part.first} to {part.end - 1}{where}"
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""A part of a reference, traced in whatever process it comes to.
+"""A part of a reference, a few blocks of paths of one tile, traced in whatever process it comes to.
 
 A process opens its device once and keeps a few renderers: knobs of paths, exposure and camera change from part to part
 without a new one. All of it happens in one thread, since contexts of OpenGL belong to the thread that made them.
@@ -6,6 +6,7 @@ without a new one. All of it happens in one thread, since contexts of OpenGL bel
 
 from __future__ import annotations
 
+import math
 import signal
 import time as clock
 from collections import OrderedDict
@@ -13,6 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cache
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -26,7 +28,8 @@ from tools.reference import contents
 from tools.reference.command import Request
 from tools.reference.settings import chapter_settings, tracer_settings
 from tools.reference.sums import MOST_OF_BLOCK, block_after
-from tools.reference.tracing import Task, device_name, opened, task_of
+from tools.reference.tiles import Tile, tiles_of
+from tools.reference.tracing import Task, blocks_of, device_name, opened, task_of
 from tools.run.run import open_device
 
 Float32 = NDArray[np.float32]
@@ -35,14 +38,24 @@ MOST_BLOCKS = 16
 MOST_BYTES = 64 << 20
 """A part has no more blocks and bytes of results, unless it is one block, and no more paths than one block may have."""
 
+MOST_WAITING = 256 << 20
+"""Bytes of results at most of the parts of all tiles with the same paths, unless they are one block each.
+
+They wait for one another in the process that merges.
+"""
+
 BYTES_OF_PIXEL = 24
 RENDERERS, SCENES = 4, 2
 """How many of each stay open in a process."""
 
 
+Key = tuple[int, int, int]
+"""Tells parts of a sweep apart."""
+
+
 @dataclass(frozen=True)
 class Part:
-    """Blocks of paths of one reference: the first begins behind `first` paths of each pixel.
+    """Blocks of paths of one tile of a reference: the first begins behind `first` paths of each pixel.
 
     `facts` are what the sums of the reference depend on, as the process has them that merges.
     """
@@ -52,11 +65,12 @@ class Part:
     reference: int
     first: int
     counts: tuple[int, ...]
+    tile: Tile
 
     @property
-    def key(self) -> tuple[int, int]:
-        """The number of the reference and of the first path: no other part of a sweep has both."""
-        return self.reference, self.first
+    def key(self) -> Key:
+        """The numbers of the reference, of the first path and of the tile: no other part of a sweep has all of them."""
+        return self.reference, self.first, self.tile.number
 
     @property
     def end(self) -> int:
@@ -66,22 +80,25 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """What was traced of a part: for each block sums of light (H, W, 4) and of squares (H, W, 2), both float32."""
+    """What was traced of a part: for each block sums of light (h, w, 4) and of squares (h, w, 2), both float32."""
 
     sums: tuple[tuple[Float32, Float32], ...]
     device: str
     seconds: float
 
 
-def counts_of(first: int, pixels: int, most: int) -> tuple[int, ...]:
-    """Return the blocks of the part that begins after `first` paths; no block goes beyond `most` paths."""
-    counts: list[int] = []
+def counts_of(first: int, size: tuple[int, int], most: int) -> tuple[int, ...]:
+    """Return the blocks of the parts of a picture that begin after `first` paths; none goes beyond `most` paths."""
+    tiles, counts = tiles_of(size), list[int]()
+    pixels, of_tile = math.prod(size), math.prod(tiles[0].size)
     paths = first
     while paths + (count := block_after(paths, pixels)) <= most:
-        total = paths + count - first
-        bytes_after = (len(counts) + 1) * BYTES_OF_PIXEL * pixels
+        total, bytes_after = paths + count - first, (len(counts) + 1) * BYTES_OF_PIXEL * of_tile
         if counts and (
-            len(counts) == MOST_BLOCKS or bytes_after > MOST_BYTES or total * pixels > MOST_OF_BLOCK
+            len(counts) == MOST_BLOCKS
+            or bytes_after > MOST_BYTES
+            or bytes_after * len(tiles) > MOST_WAITING
+            or total * of_tile > MOST_OF_BLOCK
         ):
             break
         counts.append(count)
@@ -129,16 +146,11 @@ class Tracer:
     def trace(self, part: Part) -> Blocks:
         """Trace a part. Raises UserError where the process has another scene or another version than asked for."""
         task = self._task(part)
-        renderer = self._renderer(part.request, task)
-        knobs, first = renderer.settings.paths, part.first
-        sums = []
+        renderer = self._renderer(part.tile.size, task)
+        firsts = accumulate(part.counts[:-1], initial=part.first)
+        jobs = ((part.tile, first, count) for first, count in zip(firsts, part.counts, strict=True))
         began = clock.perf_counter()
-        for count in part.counts:
-            knobs.path_first, knobs.path_samples = first, count
-            frame = renderer.render(task.view, task.time)
-            light, squares = frame.image("path_sums"), frame.image("path_squares")
-            sums.append((np.array(light), np.array(squares[..., :2])))
-            first += count
+        sums = [(np.array(light), np.array(squares)) for light, squares in blocks_of(renderer, task, jobs)]
         seconds = clock.perf_counter() - began
         return Blocks(tuple(sums), device_name(renderer.capabilities), seconds)
 
@@ -166,9 +178,9 @@ class Tracer:
             )
         return task
 
-    def _renderer(self, request: Request, task: Task) -> Any:
-        """Return a renderer for a task: one that is open, if knobs alone differ that can be set in it."""
-        key = request.size, task.backend, task.time
+    def _renderer(self, size: tuple[int, int], task: Task) -> Any:
+        """Return a renderer for tiles of a task: one that is open, if knobs alone differ that can be set in it."""
+        key = size, task.backend, task.time
         for number, (found, renderer) in enumerate(self._renderers):
             if found == key and renderer.scene is task.scene and _takes(renderer.settings, task.settings):
                 self._renderers.append(self._renderers.pop(number))
@@ -177,7 +189,7 @@ class Tracer:
             self._renderers.pop(0)[1].close()
         if task.backend not in self._devices:
             self._devices[task.backend] = open_device(self._stack, task.backend)
-        renderer = opened(task, self._devices[task.backend])
+        renderer = opened(task, size, self._devices[task.backend])
         self._renderers.append((key, renderer))
         return renderer
 

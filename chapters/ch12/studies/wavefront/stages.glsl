@@ -20,7 +20,7 @@ void generate(uint i) {
 #ifdef LENS
         focus = focus_ahead();
 #endif
-        Walk walk = walk_from_eye(pixel, size, SAMPLE, focus);
+        Walk walk = walk_from_eye(pixel + ivec2(path.crop.xy), ivec2(path.crop.zw), SAMPLE, focus);
         store_walk(i, walk);
         set_row(CARRIED, i, uvec4(floatBitsToUint(walk.carried), 0u));
     }
