@@ -34,6 +34,11 @@ def kept(tmp_path_factory, monkeypatch):
 
 def test_a_picture_whose_sums_do_not_fit_is_refused_before_anything_is_opened(strata, tmp_path, monkeypatch):
     """16384x16384 pixels: twice 6 sums of 64 bits, and 6 of 32 bits, are 30 GiB."""
+
+    def opened(*words, **options):
+        raise AssertionError("a renderer is opened")
+
+    monkeypatch.setattr(chapters, "open", opened)
     monkeypatch.setattr(tracing, "free_memory", lambda: (30 << 30) - 1)
     code, out, err = strata("reference", 12, "--scene", "cornell", "--size", "16384x16384", "--out", "a.png")
     assert (code, out) == (2, "")
