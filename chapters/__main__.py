@@ -18,7 +18,8 @@ LIBRARY = ("common", "backends", "chapters", "tools", "assets", "bootstrap")
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run one command and exit.
 
-    With 0, 1 for a fault of ours, 2 for one of the user's, 130 after Ctrl-C, 141 if the output pipe is closed.
+    With 0, 1 for a fault of ours, 2 for one of the user's, 130 after Ctrl-C, 143 after SIGTERM, 141 if the output pipe
+    is closed.
     """
     try:
         words = list(sys.argv[1:] if arguments is None else arguments)
@@ -50,8 +51,10 @@ def run(words: list[str]) -> int:
             console.say(reader_trace(error, whole="-v" in words))
         return error.exit_code
     except KeyboardInterrupt:
+        from tools.cli.stopping import stop_code
+
         console.say("strata: stopped.")
-        return 130
+        return stop_code()
     except MemoryError:
         console.say("strata: this does not fit into memory; a smaller --size or scene may.")
         return 2

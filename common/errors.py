@@ -42,7 +42,27 @@ class ShaderError(StrataError):
 
 
 class DeviceError(StrataError):
-    """The graphics driver refused a call or was lost; the text names the call and gives a hint."""
+    """The graphics driver refused a call or was lost; the text names the call and gives a hint.
+
+    `is_full`: there is no memory for what was asked. That is too large, and the code has no fault.
+    """
+
+    def __init__(self, text: str, is_full: bool = False) -> None:
+        super().__init__(text)
+        self.is_full = is_full
+        if is_full:
+            self.exit_code = UserError.exit_code
+
+    def __reduce__(self) -> tuple[type[DeviceError], tuple[str, bool]]:
+        """Be the same sentence in another process, where the call's arguments mean nothing."""
+        return DeviceError, (str(self), self.is_full)
+
+    def add_size(self, what: str, size: int) -> None:
+        """Name what finds no memory, and its bytes, in front of the call that failed; other errors stay as they are."""
+        if self.is_full:
+            call = str(self).partition(": ")[0]
+            needs = f"There is no memory on the device for {what}, {size / 2**20:,.1f} MiB"
+            self.args = (f"{needs}: a smaller --size or scene needs less ({call}).",)
 
 
 class StaleFrameError(StrataError):

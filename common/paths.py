@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import stat
 import sys
 import tempfile
 from collections.abc import Iterable, Iterator
@@ -80,6 +81,47 @@ def _refusal(folder: Path) -> str:
             return ""
     except OSError as error:
         return error.strerror or str(error)
+
+
+def write_problem(path: Path) -> str:
+    """Return why `write_whole` would write no file `path`, as the end of a sentence, or "".
+
+    To be asked before the work. A pipe would wait for its reader, with all work done. A character device, as /dev/null,
+    takes what comes.
+    """
+    try:
+        mode = os.stat(path).st_mode
+    except FileNotFoundError:
+        mode = stat.S_IFREG  # it will be one
+    except (OSError, ValueError) as error:  # a loop of links, a name that is too long
+        return getattr(error, "strerror", None) or str(error)
+    if stat.S_ISCHR(mode):
+        return ""
+    if not stat.S_ISREG(mode):
+        return (
+            "it is a folder"
+            if stat.S_ISDIR(mode)
+            else "it is a pipe, a socket or a device, not a regular file"
+        )
+    folder = written_file(path.absolute()).parent
+    return folder_problem(folder) if folder.is_dir() else f"there is no folder {folder}"
+
+
+def folder_problem(folder: Path) -> str:
+    """Return why no file can be made in a folder, which may have to be made itself, as the end of a sentence, or "".
+
+    Only an attempt shows that: rights say nothing in file systems such as /proc.
+    """
+    there = folder.absolute()
+    while not os.path.lexists(there):
+        there = there.parent
+    if not there.is_dir():
+        return f"{there} is no folder"
+    try:
+        with tempfile.TemporaryFile(dir=there):
+            return ""
+    except OSError as error:
+        return f"no file can be made in {there} ({error.strerror or error})"
 
 
 def written_file(path: Path) -> Path:

@@ -78,7 +78,7 @@ class Functions:
             result = function(*arguments)
             code = error()
             if code != GL_NO_ERROR:
-                raise DeviceError(describe(name, arguments, code))
+                raise DeviceError(describe(name, arguments, code), code == GL_OUT_OF_MEMORY)
             return result
 
         return call

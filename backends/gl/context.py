@@ -292,8 +292,11 @@ class Context:
         self.fn.glDebugMessageCallback(gl.NULL, gl.NULL)  # the sink may be gone before the driver is
         let_go()
         self.mgl.release()
-        # Ctrl-C may come between any two lines: what it left behind is no fault of the code.
-        if left and not isinstance(sys.exception(), KeyboardInterrupt):
+        # Ctrl-C may come between any two lines, and so may a lack of memory: what they left behind is no fault of the
+        # code, and went with the context.
+        ending = sys.exception()
+        is_fault = not isinstance(ending, KeyboardInterrupt) and not getattr(ending, "is_full", False)
+        if left and is_fault:
             shown = ", ".join(left[:8]) + (", ..." if len(left) > 8 else "")
             raise DeviceError(f"{len(left)} objects outlived their context: {shown}.")
 

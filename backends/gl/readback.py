@@ -13,6 +13,9 @@ from backends.gl.resources import FORMATS, Image, create_buffer, destroy_buffer,
 from common.errors import DeviceError
 from common.images.packed import unpacked
 
+MOST_BYTES = 1 << 30
+"""What one call copies at most: it takes the number of bytes as 31 bits."""
+
 
 class Fence:
     """A place in the stream of calls: made by `Fence(context)`, reached when the GPU has done all calls before it."""
@@ -76,7 +79,7 @@ class Readback:
         fn = self._context.fn
         fn.glBindBuffer(gl.GL_PIXEL_PACK_BUFFER, self.buffer.handle)
         slices = self._image.layers if self._image.shape == "3d" else 1
-        _copy(self._context, self._image, 0, 0, gl.NULL, self.buffer.size, slices)
+        _copy(self._context, self._image, 0, 0, gl.NULL, slices)
         fn.glBindBuffer(gl.GL_PIXEL_PACK_BUFFER, 0)
 
     def read(self) -> np.ndarray:
@@ -100,25 +103,32 @@ def read_image(context: Context, image: Image, *, level: int = 0, layer: int = 0
     width, height = level_size(image, level)
     values: np.ndarray = np.empty(_shaped((height, width), described.channels), described.dtype)
     context.fn.glMemoryBarrier(gl.GL_TEXTURE_UPDATE_BARRIER_BIT | gl.GL_FRAMEBUFFER_BARRIER_BIT)
-    _copy(context, image, level, layer, gl.pointer(values), values.nbytes)
+    _copy(context, image, level, layer, gl.pointer(values))
     return unpacked(values, image.format)
 
 
-def _copy(
-    context: Context, image: Image, level: int, layer: int, where: Any, size: int, slices: int = 1
-) -> None:
+def _copy(context: Context, image: Image, level: int, layer: int, where: Any, slices: int = 1) -> None:
+    """Copy a level of layers one behind the other, to the address or the place in the bound buffer `where`."""
     described = FORMATS[image.format]
     width, height = level_size(image, level)
-    context.fn.glGetTextureSubImage(
-        image.view,
-        level,
-        *(0, 0, layer),
-        *(width, height, slices),
-        described.pixels,
-        described.component,
-        size,
-        where,
-    )
+    row = width * described.texel
+    deep, rows = slices, height
+    if slices * height * row > MOST_BYTES:
+        deep, rows = 1, max(MOST_BYTES // row, 1)
+    begin = int(gl.ffi.cast("uintptr_t", where))
+    for z in range(0, slices, deep):
+        for y in range(0, height, rows):
+            count = min(rows, height - y)
+            context.fn.glGetTextureSubImage(
+                image.view,
+                level,
+                *(0, y, layer + z),
+                *(width, count, deep),
+                described.pixels,
+                described.component,
+                deep * count * row,
+                gl.ffi.cast("void *", begin + (z * height + y) * row),
+            )
 
 
 def _shaped(size: tuple[int, ...], channels: int) -> tuple[int, ...]:

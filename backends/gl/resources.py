@@ -13,6 +13,7 @@ import numpy as np
 
 from backends.gl import api as gl
 from backends.gl.context import Context
+from backends.gl.storage import in_memory, mapped
 from common.errors import UnsupportedError
 from common.images import blocks
 from common.scene import Sampler
@@ -106,13 +107,10 @@ def create_buffer(context: Context, size: int, use: MemoryUse, name: str) -> Buf
     size = max(int(size), 4)
     handle = context.create("buffer", name)
     storage, mapping = _USES[use]
-    fn = context.fn
-    fn.glNamedBufferStorage(handle, size, gl.NULL, storage | mapping)
-    mapped = None
-    if mapping:
-        address = fn.glMapNamedBufferRange(handle, 0, size, mapping)
-        mapped = np.frombuffer(gl.ffi.buffer(address, size), np.uint8)
-    return Buffer(handle, size, name, mapped)
+    with in_memory(context, "buffer", handle, f"'{name}'", size):
+        context.fn.glNamedBufferStorage(handle, size, gl.NULL, storage | mapping)
+        seen = mapped(context, handle, size, mapping) if mapping else None
+    return Buffer(handle, size, name, seen)
 
 
 def write_buffer(context: Context, buffer: Buffer, data: np.ndarray, offset: int = 0) -> None:
@@ -246,16 +244,15 @@ def create_image(
     target = gl.GL_TEXTURE_2D_MULTISAMPLE if samples > 1 else TARGETS[shape]
     handle = context.create("texture", name, target)
     internal, fn = FORMATS[format].internal, context.fn
-    try:
+    per_texel = FORMATS[format].texel / (16 if blocks.is_compressed(format) else 1)
+    bytes_needed = int(width * height * layers * samples * per_texel)
+    with in_memory(context, "texture", handle, f"'{name}' of {width}x{height} pixels", bytes_needed):
         if samples > 1:
             fn.glTextureStorage2DMultisample(handle, samples, internal, width, height, 1)
         elif shape in ("2d", "cube"):
             fn.glTextureStorage2D(handle, levels, internal, width, height)
         else:
             fn.glTextureStorage3D(handle, levels, internal, width, height, layers)
-    except Exception:
-        context.destroy("texture", handle)
-        raise
     image = Image(
         handle, handle, view_format or format, format, shape, width, height, levels, layers, samples, name
     )

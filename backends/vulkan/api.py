@@ -347,7 +347,7 @@ _RESULT_NAMES = {value: name for name, value in ffi.typeof("VkResult").relements
 
 _HINTS = {
     "VK_ERROR_OUT_OF_DEVICE_MEMORY": "the GPU's memory is full: a smaller --size or scene needs less",
-    "VK_ERROR_OUT_OF_HOST_MEMORY": "the machine's memory is full",
+    "VK_ERROR_OUT_OF_HOST_MEMORY": "the machine's memory is full: a smaller --size or scene needs less",
     "VK_ERROR_DEVICE_LOST": "the driver stopped: run again with --validate, which names the call that was wrong",
     "VK_ERROR_INCOMPATIBLE_DRIVER": "no driver was found that can do this: ./strata doctor says what to install",
     "VK_ERROR_LAYER_NOT_PRESENT": "install the Vulkan validation layers, or run without --validate",
@@ -362,9 +362,9 @@ class VulkanError(DeviceError):
     def __init__(self, call: str, code: int, arguments: tuple[Any, ...] = ()) -> None:
         self.call, self.code = call, code
         self.result = _RESULT_NAMES.get(code, str(code))
-        hint = _HINTS.get(self.result)
-        shown = ", ".join(_shown(argument) for argument in arguments)
-        super().__init__(f"{call}({shown}) failed with {self.result}" + (f": {hint}." if hint else "."))
+        hint = f": {_HINTS[self.result]}" if self.result in _HINTS else ""
+        text = f"{call}({', '.join(map(_shown, arguments))}) failed with {self.result}{hint}."
+        super().__init__(text, self.result.endswith(("_DEVICE_MEMORY", "_HOST_MEMORY")))
 
 
 def _shown(argument: Any) -> str:

@@ -207,12 +207,16 @@ class Device:
             closer()
         self._closers.clear()
         self.memory.close()
+        ending = sys.exception()
+        if isinstance(ending, DeviceError) and ending.is_full:  # it may have come between any two creations
+            for ctype, handle in reversed([*self.alive]):
+                self.destroy(ctype, vk.ffi.cast(ctype, handle))
         left = [f"{ctype} '{name}'" if name else ctype for (ctype, _), name in self.alive.items()]
         if not left:
             self.fn.vkDestroyDevice(self.handle, vk.NULL)
         self.handle = None
         # Ctrl-C may come between any two lines: what it left behind is no fault of the code.
-        if left and not isinstance(sys.exception(), KeyboardInterrupt):
+        if left and not isinstance(ending, KeyboardInterrupt):
             shown = ", ".join(left[:8]) + (", ..." if len(left) > 8 else "")
             raise DeviceError(f"{len(left)} objects outlived their device: {shown}.")
 

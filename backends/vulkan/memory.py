@@ -95,6 +95,8 @@ class _Block:
         if visible:
             pointer = vk.ffi.new("void **")
             code = device.fn.vkMapMemory(device.handle, self.handle, 0, vk.VK_WHOLE_SIZE, 0, pointer)
+            if code < 0:
+                device.destroy("VkDeviceMemory", self.handle)
             vk.check(code, "vkMapMemory", self.handle)
             self.bytes = np.frombuffer(vk.ffi.buffer(pointer[0], size), np.uint8)
 

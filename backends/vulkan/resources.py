@@ -11,7 +11,7 @@ import numpy as np
 from backends.vulkan import api as vk
 from backends.vulkan.device import Device
 from backends.vulkan.memory import Allocation, MemoryUse
-from common.errors import UnsupportedError
+from common.errors import DeviceError, UnsupportedError
 from common.images import blocks
 from common.scene import Sampler
 
@@ -125,11 +125,28 @@ def create_buffer(
             device.fn.vkGetBufferMemoryRequirements(device.handle, handle, requirements)
             allocation = device.memory.allocate(requirements, use, linear=True)
             place = allocation.memory, allocation.offset
-    except Exception:
-        device.destroy("VkBuffer", handle)
+        vk.check(device.fn.vkBindBufferMemory(device.handle, handle, *place), "vkBindBufferMemory", handle)
+    except Exception as error:
+        _undo(device, "VkBuffer", handle, allocation, error, f"'{name}'", int(info.size))
         raise
-    vk.check(device.fn.vkBindBufferMemory(device.handle, handle, *place), "vkBindBufferMemory", handle)
     return Buffer(handle, int(info.size), allocation, name)
+
+
+def _undo(
+    device: Device,
+    kind: str,
+    handle: Any,
+    allocation: Allocation | None,
+    error: Exception,
+    what: str,
+    size: int,
+) -> None:
+    """Free a resource that got no memory, and have the error say what it was."""
+    device.destroy(kind, handle)
+    if allocation is not None:
+        device.memory.free(allocation)
+    if isinstance(error, DeviceError):
+        error.add_size(what, size)
 
 
 def destroy_buffer(device: Device, buffer: Buffer) -> None:
@@ -239,10 +256,11 @@ def create_image(
         if place is None:
             allocation = _own_memory(device, handle)
             place = allocation.memory, allocation.offset
-    except Exception:
-        device.destroy("VkImage", handle)
+        vk.check(device.fn.vkBindImageMemory(device.handle, handle, *place), "vkBindImageMemory", handle)
+    except Exception as error:
+        what = f"'{name}' of {width}x{height} pixels"
+        _undo(device, "VkImage", handle, allocation, error, what, int(_needs(device, handle).size))
         raise
-    vk.check(device.fn.vkBindImageMemory(device.handle, handle, *place), "vkBindImageMemory", handle)
     image = Image(
         handle,
         None,
@@ -273,9 +291,14 @@ def create_image(
     return image
 
 
-def _own_memory(device: Device, handle: Any) -> Allocation:
+def _needs(device: Device, handle: Any) -> Any:
     requirements = vk.new("VkMemoryRequirements")
     device.fn.vkGetImageMemoryRequirements(device.handle, handle, requirements)
+    return requirements
+
+
+def _own_memory(device: Device, handle: Any) -> Allocation:
+    requirements = _needs(device, handle)
     owner = None
     if requirements.size >= DEDICATED_SIZE:
         owner = vk.new("VkMemoryDedicatedAllocateInfo", image=handle)

@@ -24,7 +24,7 @@ from common.images.exif import without_exif
 from common.images.png16 import decode_png16, encode_png16, is_deep_color
 from common.images.radiance import decode_radiance, encode_radiance, radiance_size
 from common.names import visible
-from common.paths import temporary_folder, write_whole, written_file
+from common.paths import temporary_folder, write_problem, write_whole, written_file
 
 Array = NDArray[Any]
 
@@ -43,6 +43,9 @@ def check_writable(path: Path, kinds: Sequence[str] = WRITABLE) -> None:
     target = written_file(path)
     if not target.parent.is_dir():
         raise UserError(f"there is no folder {target.parent} for {target.name}: create it first")
+    problem = write_problem(path)
+    if problem:
+        raise UserError(f"{path} cannot be written: {problem}.")
     if path.suffix.lower() == ".exr":
         _openexr()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import random
 from itertools import pairwise
 
@@ -192,7 +193,7 @@ def test_more_than_the_heap_is_refused_before_the_driver_is_asked(vulkan_device,
 
 
 def a_buffer(device):
-    return create_buffer(device, 64, USAGE, "device", "refused")
+    return create_buffer(device, 1 << 20, USAGE, "device", "refused")
 
 
 def an_image(device):
@@ -208,9 +209,86 @@ def test_memory_that_is_refused_leaves_no_object(vulkan_device, memory, monkeypa
         raise vk.VulkanError("vkAllocateMemory", vk.VK_ERROR_OUT_OF_DEVICE_MEMORY)
 
     monkeypatch.setattr(memory, "allocate", refuse)
-    with pytest.raises(vk.VulkanError, match="smaller --size or scene"):
+    with pytest.raises(vk.VulkanError, match="smaller --size or scene") as caught:
         make(vulkan_device)
     assert vulkan_device.alive == before
+    what = "'refused', 1.0 MiB" if make is a_buffer else "'refused' of 8x8 pixels, "
+    assert str(caught.value).startswith(f"There is no memory on the device for {what}")
+    assert str(caught.value).endswith("less (vkAllocateMemory() failed with VK_ERROR_OUT_OF_DEVICE_MEMORY).")
+    assert caught.value.exit_code == 2
+
+
+@pytest.mark.feature("device/lifetime-and-leaks")
+@pytest.mark.parametrize("own", [True, False])
+@pytest.mark.parametrize("make", [a_buffer, an_image])
+def test_memory_that_is_refused_when_it_is_bound_leaves_no_object(
+    vulkan_device, memory, monkeypatch, make, own
+):
+    """Also where the memory is the caller's, as that of a frame graph is."""
+    needs = vk.new("VkMemoryRequirements", size=2 << 20, alignment=1 << 16, memoryTypeBits=2**32 - 1)
+    lent = None if own else memory.allocate(needs, "device", linear=make is a_buffer)
+    place = None if lent is None else (lent.memory, lent.offset)
+    before, used = dict(vulkan_device.alive), ranges_of(memory)
+    for call in ("vkBindBufferMemory", "vkBindImageMemory"):
+        monkeypatch.setitem(vulkan_device.fn.__dict__, call, lambda *_: vk.VK_ERROR_OUT_OF_DEVICE_MEMORY)
+    kinds = {
+        a_buffer: lambda: create_buffer(vulkan_device, 1 << 20, USAGE, "device", "refused", place),
+        an_image: lambda: create_image(
+            vulkan_device, "rgba8", (8, 8), vk.VK_IMAGE_USAGE_SAMPLED_BIT, "refused", place=place
+        ),
+    }
+    with pytest.raises(vk.VulkanError, match=r"vkBind.*VK_ERROR_OUT_OF_DEVICE_MEMORY"):
+        kinds[make]()
+    assert vulkan_device.alive.keys() - before.keys() <= {
+        key for key in vulkan_device.alive if key[0] == "VkDeviceMemory"
+    }
+    assert ranges_of(memory) == used
+    if lent is not None:
+        memory.free(lent)
+
+
+def ranges_of(memory):
+    """Return how many ranges of blocks are in use."""
+    return sum(block.live for blocks in memory._blocks.values() for block in blocks)
+
+
+@pytest.mark.feature("device/lifetime-and-leaks")
+def test_memory_that_cannot_be_mapped_is_given_back(vulkan_instance):
+    with Device(vulkan_instance) as device:
+        before = dict(device.alive)
+        device.fn.__dict__["vkMapMemory"] = lambda *_: vk.VK_ERROR_MEMORY_MAP_FAILED
+        with pytest.raises(vk.VulkanError, match="vkMapMemory") as caught:
+            create_buffer(device, 64, USAGE, "upload", "refused")
+        assert device.alive == before and caught.value.exit_code == 1
+
+
+@pytest.mark.feature("device/lifetime-and-leaks")
+def test_what_a_lack_of_memory_leaves_is_freed_with_the_device(vulkan_instance):
+    """It may come between any two creations, and the sentence about it is the one that counts."""
+    freed = []
+
+    def opened():
+        with Device(vulkan_instance) as device:
+            real = device.fn.vkDestroyDevice
+            device.fn.__dict__["vkDestroyDevice"] = lambda *words: (
+                freed.append(dict(device.alive)),
+                real(*words),
+            )
+            an_image(device)
+            a_buffer(device)
+            raise vk.VulkanError("vkAllocateMemory", vk.VK_ERROR_OUT_OF_DEVICE_MEMORY)
+
+    with pytest.raises(vk.VulkanError, match="smaller --size or scene"):
+        opened()
+    assert freed == [{}]
+
+
+def test_a_lack_of_memory_is_the_same_sentence_in_another_process():
+    for code, full in ((vk.VK_ERROR_OUT_OF_HOST_MEMORY, True), (vk.VK_ERROR_OUT_OF_POOL_MEMORY, False)):
+        error = vk.VulkanError("vkCall", code)
+        sent = pickle.loads(pickle.dumps(error))
+        assert (str(sent), sent.is_full, sent.exit_code) == (str(error), full, 2 if full else 1)
+        assert isinstance(sent, DeviceError)
 
 
 @pytest.mark.feature("device/persistent-mapping")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from contextlib import ExitStack
 from dataclasses import replace
 
@@ -16,8 +17,10 @@ from tests.cli.test_bench_compare import made, point
 from tests.support.scenes import nodes_at, quad_scene
 from tests.support.shadows import placed, sun
 from tools.bench import all_chapters, bench, truth
+from tools.bench.figures.below import write_below
 from tools.bench.figures.chapters import plot_all
 from tools.bench.points import QUICK, Subject
+from tools.bench.report import plot
 from tools.run.run import open_device
 
 FACTS = {
@@ -94,6 +97,40 @@ def test_a_wrong_wish_is_one_sentence(strata, monkeypatch, words, part):
     monkeypatch.setattr(all_chapters, "one", None)
     code, printed, said = strata(*words.split())
     assert (code, printed) == (2, "") and part in said and said.count("\n") == 1
+
+
+@pytest.mark.needs("matplotlib")
+def test_the_plot_of_a_chapter_says_what_is_left_out(tmp_path):
+    """As the terminal does. A plot against the chapter's own reference leaves nothing out."""
+    said = f"{FACTS['by_design']} {'Rough metals reflect all of it. ' * 6}".strip()
+    own = {"preset": "reference", "samples_per_pixel": 16}
+    drawn = {}
+    for name, facts in (("own", own), ("traced", FACTS | {"by_design": said})):
+        plot(tmp_path / f"{name}.svg", made(point("low", 1.0), point("high", 2.0), reference=facts))
+        drawn[name] = (tmp_path / f"{name}.svg").read_text("utf-8")
+    lines = re.findall(r"<!-- (.*?) -->", drawn["traced"])
+    at = next(number for number, line in enumerate(lines) if line.startswith("Chapter 1 draws by design"))
+    assert " ".join(lines[at:]).startswith(said) and len(lines[at]) < len(said)
+    assert "by design" not in drawn["own"]
+
+
+@pytest.mark.needs("matplotlib")
+def test_what_stands_below_a_plot_is_inside_of_it_and_below_its_panels():
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7, 4.8), layout="constrained")
+    axes = figure.add_subplot()
+    axes.set_xlabel("GPU time")
+    write_below(figure, [FACTS["by_design"] * 9, "", "Another sentence."])
+    figure.draw_without_rendering()
+    text = figure._supxlabel.get_window_extent()
+    whole = figure.bbox
+    assert whole.x0 <= text.x0 < text.x1 <= whole.x1 and whole.y0 <= text.y0
+    assert text.y1 <= axes.get_tightbbox().y0
+    assert figure.get_supxlabel().splitlines()[-1] == "Another sentence."
+    plain = Figure(layout="constrained")
+    write_below(plain, [""])
+    assert plain.get_supxlabel() == ""
 
 
 @pytest.mark.needs("matplotlib")

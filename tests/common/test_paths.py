@@ -60,6 +60,60 @@ def test_a_pipe_is_written_to_in_place(tmp_path):
     assert (tmp_path / "pipe").is_fifo()
 
 
+@posix
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("new", ""),
+        ("there", ""),
+        ("null", ""),
+        ("to new", ""),
+        ("pipe", "it is a pipe, a socket or a device, not a regular file"),
+        ("to pipe", "it is a pipe, a socket or a device, not a regular file"),
+        ("folder", "it is a folder"),
+        ("loop", "Too many levels of symbolic links"),
+        ("missing/a", "there is no folder "),
+        ("to missing", "there is no folder "),
+        ("there/a", "Not a directory"),
+        ("x" * 1000, "File name too long"),
+    ],
+)
+def test_what_takes_no_file_is_told_before_the_work(tmp_path, name, says):
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "there").write_text("mine")
+    (tmp_path / "folder").mkdir()
+    links = {
+        "to pipe": "pipe",
+        "to new": "new",
+        "to missing": "missing/a",
+        "loop": "loop",
+        "null": os.devnull,
+    }
+    for link, target in links.items():
+        (tmp_path / link).symlink_to(target)
+    before = sorted(os.walk(tmp_path))
+    problem = paths.write_problem(tmp_path / name)
+    assert problem.startswith(says) and bool(problem) == bool(says)
+    assert sorted(os.walk(tmp_path)) == before
+
+
+@posix
+def test_a_folder_shows_by_an_attempt_whether_it_takes_files(tmp_path, monkeypatch):
+    assert paths.folder_problem(tmp_path) == "" == paths.folder_problem(tmp_path / "new" / "newer")
+    (tmp_path / "file").write_text("mine")
+    for place in ("file", "file/below"):
+        assert paths.folder_problem(tmp_path / place) == f"{tmp_path / 'file'} is no folder"
+
+    def refused(**_):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(paths.tempfile, "TemporaryFile", refused)
+    for place in (tmp_path, tmp_path / "new"):
+        assert paths.folder_problem(place) == f"no file can be made in {tmp_path} (Permission denied)"
+    assert paths.write_problem(tmp_path / "file") == f"no file can be made in {tmp_path} (Permission denied)"
+    assert (tmp_path / "file").read_text() == "mine" and len([*tmp_path.iterdir()]) == 1
+
+
 def test_the_cache_is_in_the_home_or_counts_from_the_folder_of_the_start(monkeypatch, tmp_path):
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.setenv("USERPROFILE", str(tmp_path))

@@ -287,24 +287,6 @@ def test_a_value_that_a_knob_of_paths_does_not_take_is_refused():
         settings.tracer_settings(own, "box", 0, of_paths)
 
 
-def test_what_a_chapter_leaves_out_is_one_sentence():
-    scene = quad_scene(Material())
-    around, misty = replace(scene, environment=constant(1.0)), replace(scene, medium=Medium(0.1))
-    indirect = "no light that one surface sends to another"
-
-    def said(which, shown=scene, **changed):
-        own = replaced(preset(chapters.settings_class(which), "reference"), **changed)
-        return settings.differences(which, own, shown)
-
-    assert said(1) == f"Chapter 1 draws by design no shadows and {indirect}: the reference has them."
-    assert said(8) == f"Chapter 8 draws by design {indirect}: the reference has them."
-    assert said(8, shadows="off") == said(1).replace("1", "8")
-    assert said(1, misty).endswith(f"no shadows, {indirect} and no fog: the reference has them.")
-    assert "fog" not in said(10, misty)
-    assert "no shadows of the environment's light" in said(8, around)
-    assert said(12, path_tracer=True) == ""
-
-
 def test_scenes_of_nothing_are_refused():
     scene = quad_scene(Material())
     chosen = settings.tracer_settings(preset(chapters.settings_class(1), "reference"), "box", 0)

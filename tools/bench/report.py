@@ -18,6 +18,7 @@ from common.paths import write_whole
 from common.reports.tables import table
 from tools.bench import pipelines, prepass, readback, scale, threads, truth
 from tools.bench import points as bench_points
+from tools.bench.figures.below import write_below
 from tools.bench.lessons import bench
 from tools.cli.console import out
 
@@ -149,7 +150,10 @@ def can_plot() -> bool:
 
 
 def plot(path: Path, made: dict[str, Any]) -> None:
-    """Draw a panel for each part: time against error with the Pareto front; what things cost; building pipelines."""
+    """Draw a panel for each part: time against error with the Pareto front; what things cost; building pipelines.
+
+    Below them stands what the chapter leaves out by design, if errors are against light that is traced.
+    """
     from matplotlib.figure import Figure
 
     panels: list[Callable[[Any, Any], None]] = []
@@ -172,6 +176,7 @@ def plot(path: Path, made: dict[str, Any]) -> None:
     grid = figure.add_gridspec(rows, columns)
     for number, draw in enumerate(panels):
         draw(figure, grid[number // columns, number % columns])
+    write_below(figure, [made["reference"].get("by_design", "")] if made["points"] else [])
     try:
         if path.suffix.lower() == ".png":
             _write_png(path, figure)
@@ -199,7 +204,8 @@ def _plot_settings(made: dict[str, Any], figure: Any, cell: Any) -> None:
     width, height = made["size"]
     _plot_points(axes, made["points"])
     axes.set_xlabel(f"GPU time, ms a frame at {width}x{height}")
-    axes.set_ylabel(f"{axes.get_ylabel()} {truth.axis(made['reference'])}")
+    between = "\n" if "truth" in made["reference"] else " "  # one line would be longer than the panel is high
+    axes.set_ylabel(f"{axes.get_ylabel()}{between}{truth.axis(made['reference'])}")
     axes.set_title(f"{made['scene']['name']}, {made['device']['name']}", fontsize=10)
 
 

@@ -35,7 +35,7 @@ from tools.cli.options import (
     Without,
 )
 from tools.cli.snapshots import carry, fork, new
-from tools.cli.stopping import STOPPED
+from tools.cli.stopping import STOPPED, stop_code
 
 
 def _without_metavar(parameters: list[Any]) -> list[Any]:
@@ -91,10 +91,11 @@ def invoke(words: list[str]) -> int:
         return ended.exit_code
     except typer.Abort:
         say("strata: stopped.")
-        return STOPPED
+        return stop_code()
     code = result if isinstance(result, int) else 0
     if code == STOPPED:  # typer makes this of Ctrl-C, and says nothing
         say("strata: stopped.")
+        return stop_code()
     return code
 
 

@@ -15,13 +15,22 @@ from chapters import scenes, studies
 from common import images
 from common.errors import UserError
 from common.images.color import encode_srgb
-from common.paths import write_whole, written_file
+from common.paths import write_problem, write_whole
 from common.settings import flat
 from tools.cli.console import Steps, say
 from tools.cli.stopping import prompt_stop
 from tools.reference.settings import TRACER, chapter_settings, differences, keyed, tracer_settings
 from tools.reference.sums import Sums
-from tools.reference.tracing import DEFAULT_PATHS, Keeper, Task, cached_path, check_goal, task_of, trace
+from tools.reference.tracing import (
+    DEFAULT_PATHS,
+    Keeper,
+    Task,
+    cached_path,
+    check_goal,
+    check_room,
+    task_of,
+    trace,
+)
 from tools.run import run as running
 from tools.run.record import naming, strata_version
 
@@ -55,7 +64,7 @@ class Request:
 def run(request: Request) -> int:
     """Trace and write what was asked for; return the exit code. Raises StrataError."""
     name = studies.picture_name(request.chapter, request.scene)
-    target = request.out or Path("out") / f"{name}-reference.exr"
+    target = request.out or running.in_out(f"{name}-reference.exr")
     drawn = as_drawn(request)
     own, of_paths = _check(request, drawn, target)
     settings = tracer_settings(own, request.filter, request.seed, of_paths)
@@ -102,22 +111,23 @@ def check_traced(request: Request, drawn: running.Request) -> None:
     """Raise UserError for what is wrong with the picture that is asked for."""
     running.check(drawn)
     check_goal(request.error, request.paths, request.filter, request.seed)
+    check_room(request.size)
 
 
 def _check(request: Request, drawn: running.Request, target: Path) -> tuple[Any, tuple[str, ...]]:
     """Raise UserError for what is wrong before anything is opened; return settings as `chapter_settings` does."""
     check_traced(request, drawn)
-    if request.out is not None:
-        images.check_writable(target, PICTURES)
-    else:
-        running.default_picture(drawn)  # for its error
-        images.check_writable(Path(target.name), PICTURES)
+    # The folder `out` may be missing, and is made at the end.
+    images.check_writable(target if target.parent.is_dir() or request.out else Path(target.name), PICTURES)
     sums = request.sums
     if sums is not None:
         if sums.suffix.lower() != ".npz":
             raise UserError(f"--sums {sums} is no file of sums: its name must end in .npz.")
-        if sums.is_dir() or not written_file(sums.absolute()).parent.is_dir():
-            raise UserError(f"--sums {sums} cannot be written: name a file in a folder that exists.")
+        problem = write_problem(sums)
+        if problem:
+            raise UserError(f"--sums {sums} cannot be written: {problem}.")
+        if sums.exists() and not sums.is_file():
+            raise UserError(f"--sums {sums} is a device, and keeps nothing: name a file.")
         if not request.cached:
             raise UserError("--sums keeps what --no-cache forgets: leave one out.")
     return chapter_settings(request.chapter, request.overrides)
@@ -241,7 +251,12 @@ def _tell(request: Request, keeper: Keeper, before: int, error: float, target: P
     new = sums.paths - before
     old = f", {before} of them traced before" if new and before else "" if new else ", all traced before"
     say(f"{what}: {_counted(sums.paths)}{old}, estimated error {error:.3g}: wrote {target}")
-    if error > request.error:
+    if error > request.error and sums.paths > request.paths:
+        say(
+            f"strata: the estimated error is not yet {request.error:g}, and {_counted(sums.paths)} are there already, "
+            f"more than --paths {request.paths} asks for: with a number above {sums.paths} the same command goes on."
+        )
+    elif error > request.error:
         say(
             f"strata: the estimated error is not yet {request.error:g}: --paths {request.paths} allows no more; "
             "with a larger number the same command goes on."

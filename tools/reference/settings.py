@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from importlib import import_module
 from typing import Any
 
 import chapters
 from chapters import studies
 from common.errors import SettingError
-from common.scene import Scene
+from common.scene import Material, Scene
 from common.settings import apply_overrides, flat, knobs, preset, replaced
 
 TRACER = 12
@@ -38,6 +39,9 @@ OPTIONS = {
     "path_seed": "--seed",
 }
 """Knobs of the path tracer that have an option of their own."""
+
+ROUGH = 0.3
+"""Roughness above which metals lose more than a hundredth of what they reflect between their facets."""
 
 BY_ITSELF = ("path_tracer", "path_samples", "path_average", "path_first")
 """Knobs of the path tracer that follow from how sums are merged."""
@@ -91,18 +95,35 @@ def tracer_settings(settings: Any, filter: str, seed: int, overrides: Iterable[s
 
 
 def differences(which: chapters.Whole, settings: Any, scene: Scene) -> str:
-    """Return a sentence on what is in a reference and, by design, not in the chapter's picture; "" if all is."""
+    """Return what is in a reference and, by design, not in the chapter's picture, in a sentence or two; or ""."""
     values = flat(settings)
     if values.get("path_tracer"):
         return ""
+    light = import_module(f"{chapters.package_of(which)}.scene.default_light").DefaultLight(scene, settings)
+    is_lit_from_afar = scene.environment is not None and values["environment_intensity"] > 0.0
     missing = []
     if values.get("shadows", "off") == "off" and values.get("rays", "off") != "whole":
         missing.append("no shadows")
+    else:
+        missing += ["no shadows of the default light"] * light.on
+        missing += ["no shadows of blended surfaces"] * any(map(_casts_blended, scene.materials))
     missing.append("no light that one surface sends to another")
-    if scene.environment is not None:
-        missing.append("no shadows of the environment's light")
+    missing += ["no shadows of the environment's light"] * is_lit_from_afar
+    missing += ["no shadows of ambient light"] * (light.ambient() > 0.0)
     if scene.medium is not None and "fog" not in values:
         missing.append("no fog")
     text = " and ".join([*([", ".join(missing[:-1])] if missing[1:] else []), missing[-1]])
-    spoken = studies.spoken(which)
-    return f"{spoken[:1].upper()}{spoken[1:]} draws by design {text}: the reference has them."
+    spoken = studies.spoken(which) + (" without path_tracer" if "path_tracer" in values else "")
+    text = f"{spoken[:1].upper()}{spoken[1:]} draws by design {text}: the reference has them."
+    keeps_energy = is_lit_from_afar and values["energy"] != "gltf"  # then paths reflect all of it, too
+    if light.ambient() > 0.0 and not keeps_energy and any(map(_is_rough_metal, scene.materials)):
+        text += " Rough metals reflect all of the ambient light, and in the reference a part of it."
+    return text
+
+
+def _casts_blended(material: Material) -> bool:
+    return material.alpha_mode == "blend" and not material.unlit
+
+
+def _is_rough_metal(material: Material) -> bool:
+    return material.metallic > 0.0 and material.roughness > ROUGH and not material.unlit

@@ -26,6 +26,7 @@ import chapters
 from chapters.folders import Folder
 from common.errors import UserError
 from common.files import disk_cache
+from common.machine import free_memory
 from common.paths import cache_dir
 from common.scene import Scene
 from common.scene.pose import evaluate_pose
@@ -33,7 +34,7 @@ from common.settings import replaced
 from common.view.camera import View, exposure, view_of_scene
 from tools.reference import contents
 from tools.reference.settings import TRACER, chapter_settings, tracer_settings
-from tools.reference.sums import Sums, block_after, is_judged, read_sums, write_sums
+from tools.reference.sums import CHANNELS, Sums, block_after, is_judged, read_sums, write_sums
 from tools.reference.tiles import Tile, merged, tiles_of
 
 Float32 = NDArray[np.float32]
@@ -44,6 +45,9 @@ MOST_PATHS = 1 << 30
 MOST_SEED = 2**31
 KEEP_EVERY_S = 30.0
 """Seconds between two times at which sums are written while paths are traced; ten times what that takes, if longer."""
+
+BYTES_OF_PIXEL = (8 + 8 + 4) * sum(CHANNELS.values())
+"""What a pixel takes of the machine's memory at least: its sums before and after a block, and those of the block."""
 
 VECTORS = ("sse", "ssse", "avx", "fma", "f16c", "bmi", "asimd", "fp", "sve")
 """How the features of a processor begin on which a compiled shader's bits may depend."""
@@ -326,6 +330,17 @@ def check_goal(error: float, paths: int, filter: str, seed: int) -> None:
         raise UserError(f"--seed {seed} is no seed: give a whole number from 0 to {MOST_SEED}.")
 
 
+def check_room(size: tuple[int, int]) -> None:
+    """Raise UserError for a picture whose sums cannot be held in memory."""
+    width, height = size
+    needed, free = BYTES_OF_PIXEL * width * height, free_memory()
+    if free is not None and needed > free:
+        raise UserError(
+            f"A reference of {width}x{height} pixels is too large: its sums take {needed / 2**30:.1f} GiB of memory, "
+            f"and {free / 2**30:.1f} GiB are free. A smaller --size needs less."
+        )
+
+
 def reference(
     chapter: int | str | Path | Folder,
     scene: Scene,
@@ -353,6 +368,7 @@ def reference(
     UnsupportedError where this machine cannot do it.
     """
     check_goal(error, paths, filter, seed)
+    check_room(size)
     chosen, of_paths = chapter_settings(chapters.parse_chapter(chapter), overrides)
     settings = tracer_settings(chosen if settings is None else settings, filter, seed, of_paths)
     task = task_of(settings, scene, camera, size, time, backend)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import re
 import sys
 import time as clock
@@ -18,7 +17,7 @@ from chapters import studies
 from chapters.folders import Folder
 from common import images
 from common.errors import UserError
-from common.paths import cache_problem, written_file
+from common.paths import cache_problem, folder_problem, write_problem, written_file
 from common.settings import apply_overrides, flat, replaced
 from tools.cli.console import Steps, say
 from tools.cli.stopping import prompt_stop
@@ -368,12 +367,19 @@ def draw_last(
 
 def default_picture(request: Request) -> Path:
     """Return where a picture goes for which no place was named: in `out/` of the current folder, made at the end."""
-    if not os.access(Path.cwd(), os.W_OK):
-        raise UserError(f"Nothing can be written to {Path.cwd()}: say --out FILE.png.")
     name = studies.picture_name(request.chapter, request.scene)
     if request.path is not None:
-        return Path("out") / f"{name}-{recording.file_name(request.path)}.webp"
-    return Path("out") / f"{name}-{request.view}.png" if request.view else Path("out") / f"{name}.png"
+        return in_out(f"{name}-{recording.file_name(request.path)}.webp")
+    return in_out(f"{name}-{request.view}.png" if request.view else f"{name}.png")
+
+
+def in_out(name: str) -> Path:
+    """Return a file in `out/` of the current folder. Raises UserError where it could not be written there."""
+    folder = Path("out")
+    problem = write_problem(folder / name) if folder.is_dir() else folder_problem(folder)
+    if problem:
+        raise UserError(f"Nothing can be written to {folder.absolute()}: {problem}; say --out FILE.png.")
+    return folder / name
 
 
 def write_picture(path: Path, frame: Frame) -> None:

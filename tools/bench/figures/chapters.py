@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from common.errors import UserError
+from tools.bench.figures.below import write_below
 from tools.bench.truth import axis
 
 
@@ -56,12 +57,14 @@ def plot_all(path: Path, records: Sequence[dict[str, Any]]) -> None:
     axes.set_ylabel(f"{'mean FLIP' if measure == 'flip' else 'relative MSE'} {axis(made[0]['reference'])}")
     axes.set_title(f"{made[0]['scene']['name']}, {made[0]['device']['name']}", fontsize=10)
     axes.legend(fontsize=7, ncols=2)
-    text = "\n".join(
-        f"By design chapter{'s' * (len(which) > 1)} {', '.join(map(str, which))}: {note}"
-        for note, which in notes.items()
-        if note
+    write_below(
+        figure,
+        [
+            f"By design chapter{'s' * (len(which) > 1)} {', '.join(map(str, which))}: {note}"
+            for note, which in notes.items()
+            if note
+        ],
     )
-    axes.text(0.0, -0.12, text, transform=axes.transAxes, fontsize=7, verticalalignment="top", wrap=True)
     try:
         figure.savefig(path)
     except (OSError, ValueError) as error:

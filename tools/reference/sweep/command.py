@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 from chapters import choose_backend, scenes
 from common import images, packages
 from common.errors import UserError
+from common.paths import folder_problem, write_problem
 from tools.cli.console import Steps, say
 from tools.cli.stopping import prompt_stop
 from tools.reference import command as single
@@ -55,6 +57,7 @@ def run(request: Request) -> int:
         for entry in sweep.entries
     ]
     _check_requests(sweep, wanted)
+    _check_places(folder, wanted)
     if sweep.suffix == ".exr":
         images.check_writable(Path("reference.exr"), single.PICTURES)  # the package that writes it
     with Steps() as steps:
@@ -86,11 +89,23 @@ def _check(request: Request) -> None:
         check_address(request.cluster)
     folder = request.out
     if folder is not None and (
-        not folder.absolute().parent.is_dir() or (folder.exists() and not folder.is_dir())
+        not folder.absolute().parent.is_dir() or (os.path.lexists(folder) and not folder.is_dir())
     ):
         raise UserError(
             f"--out {folder} is no folder, and none can be made there: name one in a folder that exists."
         )
+
+
+def _check_places(folder: Path, wanted: list[single.Request]) -> None:
+    """Raise UserError where the references, or the table, could not be written at the end."""
+    problem = folder_problem(folder)
+    if problem:
+        raise UserError(f"--out {folder} cannot be written: {problem}.")
+    if folder.is_dir():
+        for path in (folder / file.TABLE, *(request.out for request in wanted if request.out is not None)):
+            problem = write_problem(path)
+            if problem:
+                raise UserError(f"{path} cannot be written: {problem}.")
 
 
 def _check_requests(sweep: file.Sweep, wanted: list[single.Request]) -> None:
