@@ -98,6 +98,26 @@ def test_light_that_is_scattered_once(chapter):
     assert_mean(seen, truth, 0.05)
 
 
+@pytest.mark.feature("path-tracer/core")
+def test_a_medium_counts_up_to_the_lamp(chapter):
+    """Rays end before the lamp, where its bulb would cast a shadow, and the medium does not: a dense box is there."""
+    lamp, half, extinction = np.array((-0.8, 0.9, -1.2)), 0.02, 100.0
+    seen = []
+    for dense in (1e-9, extinction):
+        box = FogBox(tuple(lamp), (half,) * 3, dense, (0.0, 0.0, 0.0))
+        scene = before_wall(MATTE, Medium(boxes=(box,)), point(tuple(lamp), CANDELA))
+        with opened(chapter, scene, path_bounces=1, path_filter="centre", path_samples=1) as renderer:
+            seen.append(light(renderer, VIEW))
+    origins, directions, lengths = to_wall()
+    away = origins + lengths[:, None] * directions - lamp
+    metres = half * np.linalg.norm(away, axis=1) / np.abs(away).max(axis=1)
+    ratio = np.exp(-extinction * metres).reshape(SIZE[::-1])
+    clear = seen[0][..., 0] > 0.0
+    assert clear.mean() > 0.9
+    # Rays begin some 1e-5 m off the wall, of which the box makes 1e-3.
+    np.testing.assert_allclose((seen[1][..., 0] / seen[0][..., 0])[clear], ratio[clear], rtol=1e-2)
+
+
 @pytest.mark.feature("path-tracer/mis")
 def test_a_white_medium_in_a_furnace_cannot_be_seen(chapter):
     """Light that is 1 nit from everywhere stays so, however often it is scattered, by each strategy."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -12,9 +13,10 @@ from common.environment import constant
 from common.environment.medium import Medium
 from common.scene import Light, Material
 from common.settings import preset, replaced
-from tests.support.path_scenes import ABOVE, MATTE
+from common.view.camera import Orthographic, Perspective, View
+from tests.support.path_scenes import ABOVE, MATTE, places
 from tests.support.scenes import nodes_at, quad_scene
-from tests.support.shadows import placed, sun
+from tests.support.shadows import placed, point, sun
 from tools.reference import settings
 from tools.reference.tracing import reference
 
@@ -44,7 +46,8 @@ def test_what_a_chapter_leaves_out_is_one_sentence():
     assert said(8) == f"Chapter 8 draws by design {INDIRECT}: the reference has them."
     assert said(8, shadows="off") == said(1).replace("1", "8")
     assert said(1, misty).endswith(f"no shadows, {INDIRECT} and no fog: the reference has them.")
-    assert "fog" not in said(10, misty)
+    assert said(10, misty, fog=False).endswith("and no fog: the reference has them.")
+    assert "and no fog between surfaces and lights:" in said(10, misty)
     assert "no shadows of the environment's light" in said(8, around)
     assert "environment" not in said(8, around, environment_intensity=0.0)
     assert said(12, path_tracer=True) == ""
@@ -71,15 +74,15 @@ def test_what_is_left_out_follows_from_the_scene():
     assert LOSS not in said(8, METAL)
 
 
-def pictures(number, scene, paths=64, **turned):
+def pictures(number, scene, paths=64, view=ABOVE, **turned):
     """Return the red light of a chapter's picture and of its reference in nits, and what is said to be left out."""
     scene.ev100 = 0.0
     own = replaced(preset(chapters.settings_class(number), "reference"), **turned)
     more = {"size": SIZE, "settings": own, "outputs": {"color_linear"}}
     with chapters.open(number, "vulkan", scene=scene, **more) as renderer:
-        drawn = renderer.render(ABOVE).image("color_linear")[..., 0]
+        drawn = renderer.render(view).image("color_linear")[..., 0]
     light, _ = reference(
-        number, scene, ABOVE, SIZE, 0.0, paths=paths, settings=own, cached=False, backend="vulkan"
+        number, scene, view, SIZE, 0.0, paths=paths, settings=own, cached=False, backend="vulkan"
     )
     return drawn.astype(float), light[..., 0].astype(float), settings.differences(number, own, scene)
 
@@ -118,6 +121,23 @@ def test_shadows_of_ambient_light_are_in_the_reference_alone():
     assert np.ptp(drawn) < 1e-3 * drawn.max()
     beside = light[:, 9:11].mean()  # left of the square, whose half of the sky is missing in part
     assert beside < 0.92 * drawn.max() and light[:, :2].mean() > 0.93 * drawn.max() and SHADOWS in said
+
+
+def test_fog_between_surfaces_and_lights_is_in_the_reference_alone():
+    """Black fog sends no light to the eye, and takes the same part of it in both."""
+    placed_ground = placed((0, 0, 0), (8, 8), (0, 1, 0))
+    lamp, pose = point((0.0, 2.0, 0.0))
+    scene = quad_scene(MATTE, matrices=(placed_ground,))
+    scene = replace(scene, lights=[replace(lamp, node=1)], nodes=nodes_at(placed_ground, pose))
+    scene.medium = Medium(extinction=0.4, albedo=(0.0, 0.0, 0.0))
+    half = math.tan(0.3) * 3.0  # metres of the ground from the middle to the upper edge of the picture
+    view = View(ABOVE.world_from_view, Perspective(0.6, 0.1))
+    drawn, light, said = pictures(10, scene, paths=1024, view=view)
+    x, z = np.moveaxis(places(View(ABOVE.world_from_view, Orthographic(half, 0.1, 9.0)), SIZE), -1, 0)
+    arrives = np.exp(-0.4 * np.sqrt(x * x + 4.0 + z * z))
+    # Three paths of ten get through the fog before the eye: 60,000 in all, so the mean is off by 0.4 % or so.
+    assert light.mean() == pytest.approx((drawn * arrives).mean(), rel=0.015)
+    assert "no fog between surfaces and lights" in said
 
 
 @pytest.mark.parametrize(("roughness", "part"), [(1.0, 0.31), (0.2, 1.0)])

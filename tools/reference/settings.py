@@ -110,8 +110,8 @@ def differences(which: chapters.Whole, settings: Any, scene: Scene) -> str:
     missing.append("no light that one surface sends to another")
     missing += ["no shadows of the environment's light"] * is_lit_from_afar
     missing += ["no shadows of ambient light"] * (light.ambient() > 0.0)
-    if scene.medium is not None and "fog" not in values:
-        missing.append("no fog")
+    if scene.medium is not None:
+        missing.append("no fog between surfaces and lights" if values.get("fog") else "no fog")
     text = " and ".join([*([", ".join(missing[:-1])] if missing[1:] else []), missing[-1]])
     spoken = studies.spoken(which) + (" without path_tracer" if "path_tracer" in values else "")
     text = f"{spoken[:1].upper()}{spoken[1:]} draws by design {text}: the reference has them."

@@ -16,9 +16,10 @@ const float FAR = 3.402823e38;
 struct LightRay {
     Ray ray;
     vec3 value;  // what leaves the surface, over the density of the ray, and weighted
+    float way;   // t of the light, up to which a medium takes a part
 };
 
-const LightRay NO_RAY = LightRay(Ray(vec3(0.0), 0.0, vec3(0.0), 0.0), vec3(0.0));
+const LightRay NO_RAY = LightRay(Ray(vec3(0.0), 0.0, vec3(0.0), 0.0), vec3(0.0), 0.0);
 
 #include "paths/collisions.glsl"
 
@@ -48,14 +49,15 @@ LightRay ray_to_light(uint number, Surface s, Bsdf bsdf, vec3 view) {
     vec3 to_light;
     vec3 received = exposed_illuminance(number, s.at.position, to_light);
     vec3 origin = ray_origin(s.at, to_light);
-    float far = FAR;
+    float far = FAR, way = FAR;
     if (lights[number].kind != LIGHT_DIRECTIONAL) {
         // Bulbs cast no shadow of their own lamp, as in rays/picture.glsl.
         vec3 along = abs(to_light);
         float near = SHADOW_NEAR * frame.eye.w / max(along.x, max(along.y, along.z));
-        far = max(dot(lights[number].position - origin, to_light) - near, 0.0);
+        way = dot(lights[number].position - origin, to_light);
+        far = max(way - near, 0.0);
     }
-    return LightRay(Ray(origin, 0.0, to_light, far), received * reflected(bsdf, s, to_light, view));
+    return LightRay(Ray(origin, 0.0, to_light, far), received * reflected(bsdf, s, to_light, view), way);
 }
 
 #include "paths/light_tree.glsl"
@@ -126,7 +128,7 @@ LightRay ray_to_environment(Surface s, Bsdf bsdf, vec3 view, uvec2 bits, vec2 u)
         return NO_RAY;
     }
     value *= environment_along(direction) * (weight_of(pdf, reflected_pdf(bsdf, s, direction, view)) / pdf);
-    return LightRay(Ray(ray_origin(s.at, direction), 0.0, direction, FAR), value);
+    return LightRay(Ray(ray_origin(s.at, direction), 0.0, direction, FAR), value, FAR);
 }
 #endif
 
@@ -206,7 +208,7 @@ LightRay ray_to_emitter(Surface s, Bsdf bsdf, vec3 view, uvec2 bits, vec2 u) {
     value *= emission * (weight_of(pdf, reflected_pdf(bsdf, s, direction, view)) / pdf);
     vec3 origin = ray_origin(s.at, direction);
     // Up to where rays begin that leave the point: the triangle itself is not in the way.
-    return LightRay(Ray(origin, 0.0, ray_origin(point, -direction) - origin, 1.0), value);
+    return LightRay(Ray(origin, 0.0, ray_origin(point, -direction) - origin, 1.0), value, 1.0);
 }
 #endif
 

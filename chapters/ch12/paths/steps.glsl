@@ -220,6 +220,7 @@ vec3 light_along(LightRay towards) {
         return vec3(0.0);
     }
 #ifdef FOG
+    towards.ray.t_max = towards.way;
     towards.value *= transmittance(towards.ray);
 #endif
     return towards.value;

@@ -1,6 +1,6 @@
 // Paths in flight, as a structure of arrays: row r of path i is wave[r * WAVE_PATHS + i], so neighbours read neighbours.
 //
-//     0  origin, t_min                  7, 8, 9     a ray towards light: origin, t_max; direction; value
+//     0  origin, t_min                  7, 8, 9     a ray towards light: origin, t_max; direction; value, way
 //     1  direction, pdf                 10, 11, 12  the other one
 //     2  carried; rounds of the path    13          what was carried when these rays were sent
 //     3  color; 1 if there is a path    14          sums of the pixel: light in nits, paths
@@ -56,11 +56,11 @@ Random random_at(uint i) {
 void store_light_ray(uint number, uint i, LightRay towards) {
     Ray ray = Ray(towards.ray.origin, towards.ray.t_max, towards.ray.direction, 0.0);
     store_ray(TOWARDS + 3u * number, i, ray, 0.0);
-    set_row(TOWARDS + 3u * number + 2u, i, vec4(towards.value, 0.0));
+    set_row(TOWARDS + 3u * number + 2u, i, vec4(towards.value, towards.way));
 }
 
 LightRay light_ray_at(uint number, uint i, float begin) {
     Ray ray = ray_at(TOWARDS + 3u * number, i);
-    return LightRay(
-        Ray(ray.origin, begin, ray.direction, ray.t_min), row_of_floats(TOWARDS + 3u * number + 2u, i).xyz);
+    vec4 more = row_of_floats(TOWARDS + 3u * number + 2u, i);
+    return LightRay(Ray(ray.origin, begin, ray.direction, ray.t_min), more.xyz, more.w);
 }
