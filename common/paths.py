@@ -83,6 +83,10 @@ def _refusal(folder: Path) -> str:
         return error.strerror or str(error)
 
 
+LONGEST_NAME = 255 - len(".abcdefgh.")
+"""Bytes of a name at most: the file is made under a name that is so much longer (`WholeFile`)."""
+
+
 def write_problem(path: Path) -> str:
     """Return why `write_whole` would write no file `path`, as the end of a sentence, or "".
 
@@ -103,7 +107,10 @@ def write_problem(path: Path) -> str:
             if stat.S_ISDIR(mode)
             else "it is a pipe, a socket or a device, not a regular file"
         )
-    folder = written_file(path.absolute()).parent
+    file = written_file(path.absolute())
+    if len(os.fsencode(file.name)) > LONGEST_NAME:
+        return f"its name is longer than {LONGEST_NAME} bytes"
+    folder = file.parent
     return folder_problem(folder) if folder.is_dir() else f"there is no folder {folder}"
 
 
@@ -113,7 +120,7 @@ def folder_problem(folder: Path) -> str:
     Only an attempt shows that: rights say nothing in file systems such as /proc.
     """
     there = folder.absolute()
-    while not os.path.lexists(there):
+    while not os.path.lexists(there) and there != there.parent:
         there = there.parent
     if not there.is_dir():
         return f"{there} is no folder"

@@ -111,7 +111,7 @@ def _copy(context: Context, image: Image, level: int, layer: int, where: Any, sl
     """Copy a level of layers one behind the other, to the address or the place in the bound buffer `where`."""
     described = FORMATS[image.format]
     width, height = level_size(image, level)
-    row = width * described.texel
+    row = width * described.channels * np.dtype(described.dtype).itemsize
     deep, rows = slices, height
     if slices * height * row > MOST_BYTES:
         deep, rows = 1, max(MOST_BYTES // row, 1)

@@ -27,8 +27,10 @@ def in_memory(context: Context, kind: Kind, handle: int, what: str, size: int) -
         fn.glGetError()  # of an earlier call
     try:
         yield
-        if asked and fn.glGetError() == gl.GL_OUT_OF_MEMORY:
-            raise DeviceError("the driver answers GL_OUT_OF_MEMORY", is_full=True)
+        if asked and (code := fn.glGetError()) != gl.GL_NO_ERROR:
+            if code == gl.GL_OUT_OF_MEMORY:
+                raise DeviceError("the driver answers GL_OUT_OF_MEMORY", is_full=True)
+            raise DeviceError(gl.describe(f"making the {kind}", (what,), code))
     except Exception as error:
         context.destroy(kind, handle)
         if isinstance(error, DeviceError):

@@ -3,6 +3,7 @@
 from common.images.images import (
     READABLE,
     WRITABLE,
+    check_format,
     check_writable,
     encode_png,
     image_size,
@@ -15,6 +16,7 @@ from common.images.images import (
 __all__ = [
     "READABLE",
     "WRITABLE",
+    "check_format",
     "check_writable",
     "encode_png",
     "image_size",

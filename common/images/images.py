@@ -46,7 +46,12 @@ def check_writable(path: Path, kinds: Sequence[str] = WRITABLE) -> None:
     problem = write_problem(path)
     if problem:
         raise UserError(f"{path} cannot be written: {problem}.")
-    if path.suffix.lower() == ".exr":
+    check_format(path.suffix)
+
+
+def check_format(suffix: str) -> None:
+    """Raise UserError if the package that writes pictures of a format is missing; `suffix` is as ".exr"."""
+    if suffix.lower() == ".exr":
         _openexr()
 
 

@@ -70,6 +70,35 @@ def test_memory_that_the_device_refuses_is_one_sentence_and_nothing_is_left(
     assert not [*tmp_path.iterdir()] and not [*kept.iterdir()]
 
 
+def test_a_reference_without_memory_costs_a_sweep_nothing_else(strata, kept, tmp_path, monkeypatch):
+    """The device is closed with what the lack of memory left, and the next reference has another one.
+
+    Of the second reference the last of the copies for the CPU finds none, when all others are there.
+    """
+    create, check, made, opened = Device.create, vk.check, [""], []
+
+    def created(device, call, info, *rest):
+        made[0] = str(rest[-1]) if call == "vkCreateBuffer" else ""
+        return create(device, call, info, *rest)
+
+    def checked(code, call, *arguments):
+        if call == "vkBindBufferMemory" and made[0] == "path_squares, slot 1":
+            opened.append(made[0])
+            code = vk.VK_ERROR_OUT_OF_DEVICE_MEMORY if len(opened) == 2 else code
+        return check(code, call, *arguments)
+
+    monkeypatch.setattr(Device, "create", created)
+    monkeypatch.setattr(vk, "check", checked)
+    (tmp_path / "s.toml").write_text(
+        'chapter = 12\nscene = "cornell"\nsize = ["24x12", "16x12", "8x12"]\npaths = 1\nformat = "npy"\n'
+    )
+    words = ("--backend", "vulkan", "--workers", 0, "--out", "a")
+    code, _, err = strata("reference", "--sweep", "s.toml", *words)
+    assert len(opened) == 3 and code == 2, err
+    assert "There is no memory on the device for '" in err and "outlived" not in err, err
+    assert {path.stem.rpartition("-")[2] for path in (tmp_path / "a").glob("*.npy")} == {"24x12", "8x12"}
+
+
 def refuse(monkeypatch, width):
     """Have no device memory for images that are so wide."""
     create, check, widths = Device.create, vk.check, []

@@ -132,13 +132,17 @@ def test_24_references_on_two_workers_are_those_of_one_process_though_a_worker_i
     assert tables[0] == tables[1] and len(tables[0]) == 24
 
 
-@pytest.mark.parametrize(("seed", "largest"), [(0, 512), (1, 512), (2, 1), (3, 2), (4, 2)])
-def test_parts_in_any_order_give_the_sums_of_blocks_in_order(seed, largest, monkeypatch):
+@pytest.mark.parametrize(
+    ("seed", "largest", "waiting"),
+    [(0, 512, 1 << 20), (1, 512, 0), (2, 1, 1 << 20), (3, 2, 1 << 20), (4, 2, 200)],
+)
+def test_parts_in_any_order_give_the_sums_of_blocks_in_order(seed, largest, waiting, monkeypatch):
     """Some references stop at an error, in the middle of a part, and some at a number of paths.
 
-    They have one tile, six, or two that overlap.
+    They have one tile, six, or two that overlap. Few bytes may wait for earlier ones, or many.
     """
     monkeypatch.setattr(tiles, "LARGEST", largest)
+    monkeypatch.setattr(merging, "MOST_WAITING", waiting)
     goals = [(0.0, 77), (0.12, 4096), (0.2, 4096), (0.0, 1), (0.25, 300), (0.0, 0)]
     requests = [single.Request(1, size=(3, 2), error=error, paths=paths) for error, paths in goals]
     references = [
@@ -192,6 +196,20 @@ def test_parts_are_the_blocks_of_one_run(size, most):
         assert len(part) == 1 or 24 * of_tile * len(cut) * len(part) <= 256 << 20
 
 
+def test_no_part_is_handed_out_where_too_many_wait_for_an_earlier_one(monkeypatch):
+    """A slow worker beside fast ones: what they trace ahead of it is in memory until it has come."""
+    monkeypatch.setattr(merging, "MOST_WAITING", 100)
+    request = single.Request(1, size=(3, 2), error=0.0, paths=4096)
+    reference = merging.Reference(0, "it", request, {"of": "it"}, 0.01, cached=False)
+    reference.begin()
+    slow, *others = (reference.next_part() for _ in range(3))
+    for part in others:
+        reference.take(part, sweep_parts.blocks_of(part))
+    assert reference.next_part() is None and reference.flying == {slow.key}
+    reference.take(slow, sweep_parts.blocks_of(slow))
+    assert reference.keeper.sums.paths == others[-1].end and reference.next_part().first == others[-1].end
+
+
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.usefixtures("kept")
 def test_references_of_equal_contents_go_on_with_one_another(strata, tmp_path, made_up, backend):
@@ -202,6 +220,15 @@ def test_references_of_equal_contents_go_on_with_one_another(strata, tmp_path, m
     first, second = rows(tmp_path / "a")
     assert (first["paths"], second["paths"], second["seconds"]) == ("64", "64", "0.000")
     assert len({*pictures(tmp_path / "a").values()}) == 1 and {key[0] for key in made_up} == {0}
+
+
+@pytest.mark.needs("OpenEXR")
+@pytest.mark.usefixtures("kept", "made_up")
+def test_a_sweep_asks_nothing_of_the_current_folder(strata, tmp_path):
+    (tmp_path / "reference.exr").mkdir()
+    code, _, err = sweep(strata, tmp_path, FOUR.replace('"npy"', '"exr"'), "a", "--workers", 0)
+    assert code == 0, err
+    assert len([*(tmp_path / "a").glob("*.exr")]) == 4
 
 
 # --- interruptions ---

@@ -76,6 +76,9 @@ def test_a_pipe_is_written_to_in_place(tmp_path):
         ("to missing", "there is no folder "),
         ("there/a", "Not a directory"),
         ("x" * 1000, "File name too long"),
+        ("x" * 246, "its name is longer than 245 bytes"),
+        ("x" * 245, ""),
+        ("\u65e5" * 82, "its name is longer than 245 bytes"),
     ],
 )
 def test_what_takes_no_file_is_told_before_the_work(tmp_path, name, says):

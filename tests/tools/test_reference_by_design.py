@@ -24,7 +24,7 @@ pytestmark = pytest.mark.feature("path-tracer/accumulation")
 
 SIZE = (16, 12)
 SHADOWS, INDIRECT = "no shadows of ambient light", "no light that one surface sends to another"
-LOSS = " Rough metals reflect all of the ambient light, and in the reference a part of it."
+LOSS = " Its rough metals reflect all of the ambient light, and those of the reference a part of it."
 GLASS = replace(MATTE, alpha_mode="blend", base_color=(0.7, 0.5, 0.3, 0.5))
 METAL = Material(base_color=(1.0, 1.0, 1.0, 1.0), metallic=1.0, roughness=1.0, double_sided=True)
 

@@ -214,8 +214,8 @@ def reference(
 ) -> int:
     """Trace the scene of a chapter by paths, with its camera and light, until the estimated error is small.
 
-    The path tracer is that of chapter 12. Sums of paths are kept, by Ctrl-C and SIGTERM too, and go on for a smaller
-    error.
+    The path tracer is that of chapter 12. Sums of paths are kept, also where Ctrl-C or SIGTERM ends the run, and go on
+    for a smaller error.
     """
     given = {
         OPTIONS.get(name, f"--{name.replace('_', '-')}")

@@ -77,14 +77,15 @@ def run(request: Request) -> int:
         task = task_of(settings, scene, request.camera, request.size, request.time, request.backend)
         keeper = _keeper(request, task)
         before = keeper.sums.paths
+        told = differences(request.chapter, own, scene)
         error = _traced(request, task, keeper, target, steps)
         steps("write", 0.98)
         if request.out is None:
             target.parent.mkdir(exist_ok=True)
-        told = differences(request.chapter, own, scene)
         notes = notes_on_request(request, task, keeper.facts, told) | notes_on_paths(keeper.sums, error)
         try:
-            write(target, keeper.sums, task.exposure, notes)
+            with prompt_stop():
+                write(target, keeper.sums, task.exposure, notes)
         except UserError as failed:
             raise UserError(f"{str(failed).rstrip('.')}. {_where(keeper)}".rstrip()) from None
     _tell(request, keeper, before, error, target)
@@ -123,7 +124,7 @@ def _check(request: Request, drawn: running.Request, target: Path) -> tuple[Any,
     if sums is not None:
         if sums.suffix.lower() != ".npz":
             raise UserError(f"--sums {sums} is no file of sums: its name must end in .npz.")
-        problem = write_problem(sums)
+        problem = "" if sums.is_file() else write_problem(sums)  # a file with enough paths is read alone
         if problem:
             raise UserError(f"--sums {sums} cannot be written: {problem}.")
         if sums.exists() and not sums.is_file():

@@ -100,12 +100,12 @@ def differences(which: chapters.Whole, settings: Any, scene: Scene) -> str:
     if values.get("path_tracer"):
         return ""
     light = import_module(f"{chapters.package_of(which)}.scene.default_light").DefaultLight(scene, settings)
-    is_lit_from_afar = scene.environment is not None and values["environment_intensity"] > 0.0
+    is_lit_from_afar = scene.environment is not None and values.get("environment_intensity", 1.0) > 0.0
     missing = []
     if values.get("shadows", "off") == "off" and values.get("rays", "off") != "whole":
         missing.append("no shadows")
     else:
-        missing += ["no shadows of the default light"] * light.on
+        missing += ["no shadows of the default light"] * (light.on and values.get("rays", "off") != "whole")
         missing += ["no shadows of blended surfaces"] * any(map(_casts_blended, scene.materials))
     missing.append("no light that one surface sends to another")
     missing += ["no shadows of the environment's light"] * is_lit_from_afar
@@ -115,9 +115,11 @@ def differences(which: chapters.Whole, settings: Any, scene: Scene) -> str:
     text = " and ".join([*([", ".join(missing[:-1])] if missing[1:] else []), missing[-1]])
     spoken = studies.spoken(which) + (" without path_tracer" if "path_tracer" in values else "")
     text = f"{spoken[:1].upper()}{spoken[1:]} draws by design {text}: the reference has them."
-    keeps_energy = is_lit_from_afar and values["energy"] != "gltf"  # then paths reflect all of it, too
+    keeps_energy = (
+        is_lit_from_afar and values.get("energy", "gltf") != "gltf"
+    )  # then paths reflect all of it, too
     if light.ambient() > 0.0 and not keeps_energy and any(map(_is_rough_metal, scene.materials)):
-        text += " Rough metals reflect all of the ambient light, and in the reference a part of it."
+        text += " Its rough metals reflect all of the ambient light, and those of the reference a part of it."
     return text
 
 

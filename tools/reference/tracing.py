@@ -194,10 +194,11 @@ def blocks_of(renderer: Any, task: Task, jobs: Iterable[Job]) -> Iterator[tuple[
     knobs, before = renderer.settings.paths, None
     for tile, first, count in jobs:
         knobs.path_first, knobs.path_samples = first, count
-        renderer.techniques["paths"].crop = (*tile.first, *task.size)
-        renderer.reset_history(
+        technique = renderer.techniques["paths"]
+        technique.crop = (*tile.first, *task.size)
+        technique.reset(
             "another block"
-        )  # else a frame that shows the same as the one before has the next paths
+        )  # else a frame that shows what the one before shows has the next paths
         frame = renderer.render(task.view, task.time)
         if before is not None:
             yield _sums_of(before)

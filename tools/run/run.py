@@ -376,9 +376,12 @@ def default_picture(request: Request) -> Path:
 def in_out(name: str) -> Path:
     """Return a file in `out/` of the current folder. Raises UserError where it could not be written there."""
     folder = Path("out")
-    problem = write_problem(folder / name) if folder.is_dir() else folder_problem(folder)
+    problem = folder_problem(folder)
     if problem:
         raise UserError(f"Nothing can be written to {folder.absolute()}: {problem}; say --out FILE.png.")
+    problem = write_problem(folder / name) if folder.is_dir() else ""
+    if problem:
+        raise UserError(f"{folder / name} cannot be written: {problem}; say --out FILE.")
     return folder / name
 
 

@@ -46,6 +46,15 @@ def test_refused_memory_is_an_error_where_calls_are_not_checked(unchecked, monke
     assert caught.value.exit_code == 2 and unchecked.alive == before and next(answers, None) is None
 
 
+def test_another_error_is_told_as_itself(unchecked, monkeypatch):
+    monkeypatch.setattr(storage, "ASKED_BYTES", 1024)
+    before, answers = dict(unchecked.alive), iter([gl.GL_NO_ERROR, gl.GL_INVALID_VALUE])
+    monkeypatch.setitem(unchecked.fn.__dict__, "glGetError", lambda: next(answers))
+    with pytest.raises(DeviceError, match=r"making the texture.*failed with GL_INVALID_VALUE") as caught:
+        an_image(unchecked)
+    assert not caught.value.is_full and unchecked.alive == before
+
+
 def test_an_error_of_an_earlier_call_is_no_lack_of_memory(unchecked, monkeypatch):
     monkeypatch.setattr(storage, "ASKED_BYTES", 1024)
     answers = iter([gl.GL_OUT_OF_MEMORY, gl.GL_NO_ERROR])

@@ -58,8 +58,7 @@ def run(request: Request) -> int:
     ]
     _check_requests(sweep, wanted)
     _check_places(folder, wanted)
-    if sweep.suffix == ".exr":
-        images.check_writable(Path("reference.exr"), single.PICTURES)  # the package that writes it
+    images.check_format(sweep.suffix)
     with Steps() as steps:
         references, told = _prepared(sweep, wanted, request, steps)
         steps("start", 0.1)

@@ -18,7 +18,7 @@ from tools.reference.command import Request
 from tools.reference.contents import file_name
 from tools.reference.sums import Sums
 from tools.reference.sweep.pools import Pool
-from tools.reference.sweep.work import Blocks, Key, Part, counts_of
+from tools.reference.sweep.work import MOST_WAITING, Blocks, Key, Part, counts_of
 from tools.reference.tiles import Tile, merged, tiles_of
 from tools.reference.tracing import KEEP_EVERY_S, Keeper, cached_path, judged, spoken_time
 
@@ -77,13 +77,16 @@ class Reference:
         self._follow()
 
     def next_part(self) -> Part | None:
-        """Return the next part to be traced, or None where paths that are handed out reach the limit.
+        """Return the next part to be traced, or None: paths that are handed out reach the limit, or too many wait.
 
         The same paths of all tiles come before further ones.
         """
+        assert self.keeper is not None
         counts = self._counts(self._next)
         if self.done or not counts:
             return None
+        if self._next > self.keeper.sums.paths and self._waiting_bytes() > MOST_WAITING:
+            return None  # until the part comes for which they wait
         facts = tuple(self.facts.items())
         part = Part(self.request, facts, self.number, self._next, counts, self.tiles[self._next_tile])
         self._next_tile = (self._next_tile + 1) % len(self.tiles)
@@ -121,6 +124,10 @@ class Reference:
     def _counts(self, first: int) -> tuple[int, ...]:
         """Return the blocks of the parts that begin after `first` paths."""
         return counts_of(first, self.request.size, self.request.paths)
+
+    def _waiting_bytes(self) -> int:
+        parts = (one for found in self._ahead.values() for one in found.values())
+        return sum(light.nbytes + squares.nbytes for one in parts for light, squares in one.sums)
 
     def _judge(self) -> bool:
         """Find out whether the merged paths suffice, and return it."""

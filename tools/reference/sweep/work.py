@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chapters import scenes
-from common.errors import UserError
+from common.errors import DeviceError, UserError
 from common.scene import Scene
 from common.settings import flat, set_live
 from tools.reference import contents
@@ -39,9 +39,10 @@ MOST_BYTES = 64 << 20
 """A part has no more blocks and bytes of results, unless it is one block, and no more paths than one block may have."""
 
 MOST_WAITING = 256 << 20
-"""Bytes of results at most of the parts of all tiles with the same paths, unless they are one block each.
+"""Bytes of results that may wait for earlier ones in the process that merges.
 
-They wait for one another in the process that merges.
+So many the parts of all tiles with the same paths have at most, unless each is one block. Where more wait, no part is
+handed out but of the paths that are merged next.
 """
 
 BYTES_OF_PIXEL = 24
@@ -146,6 +147,14 @@ class Tracer:
     def trace(self, part: Part) -> Blocks:
         """Trace a part. Raises UserError where the process has another scene or another version than asked for."""
         task = self._task(part)
+        try:
+            return self._traced(part, task)
+        except DeviceError:
+            # A device that is full may have kept objects, and one that is lost stays so: the next part opens another.
+            self.close()
+            raise
+
+    def _traced(self, part: Part, task: Task) -> Blocks:
         renderer = self._renderer(part.tile.size, task)
         firsts = accumulate(part.counts[:-1], initial=part.first)
         jobs = ((part.tile, first, count) for first, count in zip(firsts, part.counts, strict=True))
