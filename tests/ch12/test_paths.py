@@ -118,7 +118,6 @@ def test_sums_begin_anew_when_anything_changes(chapter):
         assert np.array_equal(after, light(renderer, AROUND))
 
 
-@pytest.mark.core
 @pytest.mark.feature("path-tracer/accumulation")
 @pytest.mark.parametrize(
     ("knobs", "places"),
