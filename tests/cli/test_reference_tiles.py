@@ -1,4 +1,4 @@
-"""References in tiles: the paths of the whole picture, whoever traces them, and what is said of a tile."""
+"""References in tiles have the paths of the whole picture, in one process and by workers; sentences name the tile."""
 
 from __future__ import annotations
 

@@ -115,9 +115,8 @@ def differences(which: chapters.Whole, settings: Any, scene: Scene) -> str:
     text = " and ".join([*([", ".join(missing[:-1])] if missing[1:] else []), missing[-1]])
     spoken = studies.spoken(which) + (" without path_tracer" if "path_tracer" in values else "")
     text = f"{spoken[:1].upper()}{spoken[1:]} draws by design {text}: the reference has them."
-    keeps_energy = (
-        is_lit_from_afar and values.get("energy", "gltf") != "gltf"
-    )  # then paths reflect all of it, too
+    # With an environment, paths have the chapter's compensation of energy, and reflect all of the ambient light, too.
+    keeps_energy = is_lit_from_afar and values.get("energy", "gltf") != "gltf"
     if light.ambient() > 0.0 and not keeps_energy and any(map(_is_rough_metal, scene.materials)):
         text += " Its rough metals reflect all of the ambient light, and those of the reference a part of it."
     return text

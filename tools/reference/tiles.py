@@ -1,8 +1,8 @@
 """The tiles in which a large picture is traced.
 
 They bound the memory of a device, whatever the size of the picture, and let many workers share it. A pixel has the
-same random numbers in a tile as in the whole picture. Tiles follow from the size of the picture alone, so whoever
-traces them gets the same sums.
+same random numbers in a tile as in the whole picture. Tiles follow from the size of the picture alone, so one process
+and many workers add up the same sums.
 """
 
 from __future__ import annotations

@@ -12,6 +12,6 @@ layout(BIND(3, PATH_BINDING + 3, 3), std140) uniform Path_frame_ {
                      // z: the square of the relative error at which pixels have enough paths; 0: none has
     uvec4 tree;      // of lights that have a place (light_tree.glsl). x: its first record in path_tables, y: its leaves, 0
                      // where lights are few; z: the first record of the lights of leaves
-    uvec4 crop;      // of a larger picture, of which this one is a part. x, y: the pixel there that is the first one here;
-                     // z, w: its size. Else 0, and the size of this picture
+    uvec4 crop;      // where the frame is a part of a larger picture. x, y: the place of the part's first pixel in that
+                     // picture; z, w: the size of that picture. A frame that is no part has 0, 0 and its own size
 } path;

@@ -10,8 +10,8 @@ layout(BIND(3, PATH_BINDING + 4, 2), rgba32f) uniform writeonly image2D history_
 layout(BIND(3, PATH_BINDING + 5, 3), rgba32f) uniform writeonly image2D history_squares;  // x: of luminance; y: paths left out
 layout(BIND(3, PATH_BINDING + 6, 4), FORMAT) uniform writeonly image2D color_traced;
 
-// Whether the pixels around one, a block of 4 x 4, have paths enough. All of a block say the same. Blocks are those of the whole
-// picture, and of one that lies across the edge of a part the pixels within count.
+// Whether the pixels around one, a block of 4 x 4, have paths enough. All of a block say the same. A part of a larger picture
+// (path.crop) has the blocks of that picture. Where a block crosses the edge of the part, its pixels inside of the part count.
 bool is_done(ivec2 pixel, ivec2 size) {
     if (path.choice.z == 0.0) {
         return false;
