@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -35,8 +36,9 @@ def blocks_of(part: Part) -> Blocks:
 
 
 def blocks_or_end(part: Part) -> Blocks:
-    """Return the same, but end the process at the second part of a reference with seed 1."""
-    if part.request.seed == 1 and part.first > 0:
+    """Return the same, but end the process at the second part of a reference with seed 1, with others at it."""
+    if part.request.seed == 1 and part.first == 16:
+        time.sleep(0.1)
         os._exit(1)
     return blocks_of(part)
 

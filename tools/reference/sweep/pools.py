@@ -101,7 +101,9 @@ class Here:
 class Workers:
     """Workers of Dask: `count` processes of this machine, or those of the scheduler at an address.
 
-    A part whose worker ends is traced by another one. `run` is what a worker does with a part.
+    A part whose worker ends is traced by another one. Dask blames the end of a worker on all parts that are at it, and
+    one of these may only have waited there: parts with `DEATHS` such ends are traced again, each of them alone, and a
+    part is given up where its workers end then, too. `run` is what a worker does with a part.
     """
 
     def __init__(
@@ -109,6 +111,12 @@ class Workers:
     ) -> None:
         self._count, self._address, self._run = count, address, run
         self._futures: dict[Key, Any] = {}
+        self._suspects: deque[Part] = deque()
+        """Parts that are to be traced alone."""
+        self._alone: Key | None = None
+        """The part that is traced alone."""
+        self._held: deque[Part] = deque()
+        """Parts that wait until no part is to be traced alone."""
         self._done: queue.SimpleQueue[tuple[Part, Any]] = queue.SimpleQueue()
         self._stack = ExitStack()
         self.cluster: Any = None
@@ -211,6 +219,12 @@ class Workers:
 
     def submit(self, part: Part) -> None:
         """Have a part traced."""
+        if self._suspects or self._alone is not None:
+            self._held.append(part)
+        else:
+            self._send(part)
+
+    def _send(self, part: Part) -> None:
         name = f"part-{'-'.join(map(str, part.key))}-{uuid.uuid4().hex}"
         future = self._client.submit(self._run, part, key=name, pure=False, priority=-part.reference)
         self._futures[part.key] = future
@@ -230,18 +244,39 @@ class Workers:
         try:
             return [(part, future.result())]
         except self._dask.KilledWorker as killed:
+            if part.key != self._alone:
+                self._suspects.append(part)
+                return []
             deaths = killed.allowed_failures + 1
             return [(part, UserError(f"{_spoken(part)} ended {deaths} workers, one after the other"))]
         except StrataError as error:
             return [(part, error)]
         except (CancelledError, asyncio.CancelledError):
             raise UserError(self._gone()) from None
+        finally:
+            self._go_on()
 
     def drop(self, keys: Collection[Key]) -> None:
         """Forget parts; those that are being traced end by themselves."""
         futures = [self._futures.pop(key) for key in keys if key in self._futures]
         if futures:
             self._client.cancel(futures)
+        self._suspects, self._held = (
+            deque(part for part in parts if part.key not in keys) for parts in (self._suspects, self._held)
+        )
+        self._go_on()
+
+    def _go_on(self) -> None:
+        """Once no part is traced, have the next one traced alone; where there is none, all that were held back."""
+        if self._futures:
+            return
+        self._alone = None
+        if self._suspects:
+            part = self._suspects.popleft()
+            self._alone = part.key
+            self._send(part)
+        while self._held and self._alone is None:
+            self._send(self._held.popleft())
 
     def _gone(self) -> str:
         return f"--cluster {self._address} went away." if self._address else "The workers went away."
