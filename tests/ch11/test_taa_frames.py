@@ -222,7 +222,8 @@ def test_a_texel_that_is_not_a_number_is_gone_one_frame_later(chapter, scene, tm
     with opened(chapter, BASE, scene, taa_history=history, taa_average=False) as renderer:
         gpu_pass = renderer.make_pass(Holed)
         gpu_pass.file = str(file)
-        taken = "color_traced" if "color_traced" in renderer.graph.names else "color_hdr"  # from chapter 12 on
+        # From chapter 12 on, traced rays come before.
+        taken = "color_traced" if "color_traced" in renderer.graph.names else "color_hdr"
         renderer.insert_pass(gpu_pass, {"taa": {taken: "color_holed"}})
         gpu_pass.holed = True  # the first frame is its history, as it is
         assert np.isnan(frames_of(renderer, 1)[0]).any()

@@ -40,7 +40,7 @@ def test_the_walk_finds_the_nearest_segment_and_skips_others():
     every = [walk.distance(pair) for pair in walk.segments()]
     assert found.t == min(every) < np.inf
     assert len(found.tested) < walk.COUNT / 3 and len(found.dropped) >= 2
-    assert len(found.entered) + 1 == found.steps
+    assert len(found.entered) + 1 == len(found.visits)
     nearest = every.index(min(every))
     assert nearest in found.tested
     # What was dropped begins behind the hit.

@@ -27,6 +27,7 @@ from tools.site.figures.ch09.feedback import TURNS
 from tools.site.figures.ch10.jitter import JITTER
 from tools.site.figures.ch11 import walk as ch11_walk
 from tools.site.figures.ch12 import converges as ch12_converges
+from tools.site.figures.ch12.visits import VISITS
 from tools.site.figures.culling import CULLING
 from tools.site.figures.film import SCHEMES, Loop, Picture, animated
 
@@ -281,6 +282,7 @@ LOOPS: Mapping[str, Loop] = {
     **SNAPPING,
     **TURNS,
     **JITTER,
+    **VISITS,
 }
 """The loops that are drawn; their stills are figures of the lessons."""
 CLOTH = Loop(
@@ -300,6 +302,7 @@ def files() -> dict[str, tuple[Callable[[], bytes], list[Path]]]:
     mine = [HERE / name for name in ("canvas.py", "film.py", "loops.py")]
     lists = [HERE / "ch07" / "lights.py", chapters.folder_of(7) / "clusters" / "model.py"]
     sun = [HERE / "ch08" / "cascades.py", chapters.folder_of(8) / "shadows" / "cascades.py"]
+    tree = [chapters.folder_of(12) / "rays" / "bvh" / "build.py"]
     more = {
         "ch01-frames-in-flight-loop": [HERE / "ch01.py"],
         "ch03-staging-ring-loop": [],
@@ -310,6 +313,7 @@ def files() -> dict[str, tuple[Callable[[], bytes], list[Path]]]:
         **{name: [*sun, HERE / "ch08" / "snapping.py"] for name in SNAPPING},
         **{name: [HERE / "ch09" / "feedback.py"] for name in TURNS},
         **{name: [HERE / "ch10" / "jitter.py"] for name in JITTER},
+        **{name: [*tree, HERE / "ch12" / "walk.py", HERE / "ch12" / "visits.py"] for name in VISITS},
     }
     found: dict[str, tuple[Callable[[], bytes], list[Path]]] = {}
     for name, loop in LOOPS.items():

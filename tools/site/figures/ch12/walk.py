@@ -48,42 +48,67 @@ def interval(low: NDArray[np.float32], high: NDArray[np.float32], far: float) ->
     return max(float(enter), 0.0), min(float(leave), far)
 
 
+Box = tuple[int, int]
+"""A node, and which of its two boxes."""
+
+
+@dataclass(frozen=True)
+class Visit:
+    """A node or a leaf that was looked at. The root is in no box."""
+
+    box: Box | None
+    sides: tuple[int, ...]
+    """The boxes of a node that the ray enters, the nearer one first."""
+    tested: tuple[int, ...]
+    """Segments, of a leaf."""
+    t: float
+    """The nearest hit after it."""
+    before: tuple[Box, ...]
+    waiting: tuple[Box, ...]
+    """The stack before and after it."""
+
+
 @dataclass
 class Walk:
-    """What happened to the boxes (node, side): entered, put off and dropped; segments that were tested; the hit."""
+    """What happened to the boxes: entered, put off and dropped; segments that were tested; the hit."""
 
-    entered: list[tuple[int, int]]
-    dropped: list[tuple[int, int]]
+    entered: list[Box]
+    dropped: list[Box]
     tested: list[int]
     t: float
-    steps: int
-    deepest: int
-    """The most that stood on the stack."""
+    visits: list[Visit]
+
+    @property
+    def deepest(self) -> int:
+        """The most that stood on the stack."""
+        return max(len(visit.waiting) for visit in self.visits)
 
 
 def walk(tree: Tree) -> Walk:
     """Go through the tree as the chapter's traversal does: the nearer child first, the other one on a stack."""
-    walk = Walk([], [], [], np.inf, 0, 0)
-    stack: list[tuple[float, int, tuple[int, int]]] = []
-    code = 0
+    walk = Walk([], [], [], np.inf, [])
+    stack: list[tuple[float, int, Box]] = []
+    code, box = 0, None
     while True:
-        walk.steps += 1
-        popped = True
+        here, sides, tested, popped = box, [], [], True
+        before = tuple(waiting for _, _, waiting in stack)
         if code >= 0:
             spans = [interval(tree.low[code, side], tree.high[code, side], walk.t) for side in (0, 1)]
             sides = [side for side in (0, 1) if spans[side][0] <= spans[side][1]]
             sides.sort(key=lambda side: spans[side][0])
             if len(sides) == 2:
                 stack.append((spans[sides[1]][0], int(tree.children[code, sides[1]]), (code, sides[1])))
-                walk.deepest = max(walk.deepest, len(stack))
             if sides:
-                walk.entered.append((code, sides[0]))
-                code, popped = int(tree.children[code, sides[0]]), False
+                box = code, sides[0]
+                walk.entered.append(box)
+                code, popped = int(tree.children[box]), False
         else:
             first, count = int(tree.first[~code]), int(tree.count[~code])
-            for number in tree.order[first : first + count]:
-                walk.tested.append(int(number))
-                walk.t = min(walk.t, distance(segments()[number]))
+            tested = [int(number) for number in tree.order[first : first + count]]
+            walk.tested += tested
+            walk.t = min(walk.t, *(distance(segments()[number]) for number in tested))
+        after = tuple(waiting for _, _, waiting in stack)
+        walk.visits.append(Visit(here, tuple(sides), tuple(tested), walk.t, before, after))
         if popped:
             while stack:
                 begins, code, box = stack.pop()
@@ -129,7 +154,7 @@ def walk_of_a_ray() -> Canvas:
     c.circle(*at(*hit), 5, "paper", "mark")
     lines = (
         (f"{COUNT} segments, {len(tree.children)} nodes of two boxes each", "ink"),
-        (f"{found.steps} steps: nodes and leaves that are looked at", "ink"),
+        (f"{len(found.visits)} steps: nodes and leaves that are looked at", "ink"),
         (f"{len(found.entered)} boxes are entered (blue)", "s1"),
         (f"{len(found.dropped)} were put off, and are behind the hit", "s2"),
         (f"{len(found.tested)} segments are tested (red)", "mark"),
