@@ -354,11 +354,11 @@ def test_a_queue_of_its_own_changes_no_bit(chapter):
 @pytest.mark.long  # two renderers and both their kernels; test_cloth_kernels.py compares the kernels alone each time
 @pytest.mark.variants("vulkan")
 def test_opengl_draws_the_same_bits(chapter):
-    gl = chapters.renderer_module(5, "gl")
+    gl = replace(chapter, backend="gl", device=None)
     scene = hanging()
     with chapter.open(scene, SIZE, settings(wind_speed=3.0)) as renderer:
         here = picture(renderer, at_rate(60, 20)), state(renderer)
-    with gl.Renderer(scene, SIZE, settings(wind_speed=3.0)) as renderer:
+    with gl.open(scene, SIZE, settings(wind_speed=3.0)) as renderer:
         there = picture(renderer, at_rate(60, 20)), state(renderer)
     if not chapter.device.capabilities.is_software:  # two compilers: see `shaken` in test_cloth_kernels.py
         assert np.allclose(here[1], there[1], rtol=0, atol=1e-4)

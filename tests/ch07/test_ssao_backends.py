@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from chapters.ch07.benches.ray_casting import RayCaster
 from chapters.ch07.settings import Settings
 from common.settings import replaced
-from tests.support.chapter import Chapter
 from tests.support.occluded import EYE_VIEW, FLAT_VIEW, METHODS, RAW, RESULT, STEP, codes, room
 from tests.support.scenes import translated
 
-pytestmark = pytest.mark.variants("vulkan", "gl")
+pytestmark = pytest.mark.variants("vulkan")
 
 SIZE = (48, 32)
 SETTINGS = Settings(ambient=0.5, anisotropy=1.0, graph="deferred", ssao_radius=0.15)
@@ -28,9 +29,9 @@ def found(chapter, scene, view, method):
 
 @pytest.mark.feature("ssao/depth-only")
 @pytest.mark.parametrize("method", METHODS)
-def test_both_backends_are_within_a_step(vulkan_device, gl_context, method):
+def test_both_backends_are_within_a_step(chapter, gl_context, method):
     scene = room(translated(0.5, 0.8, 1.2))
-    both = [Chapter(7, "vulkan", vulkan_device), Chapter(7, "gl", gl_context)]
+    both = [chapter, replace(chapter, backend="gl", device=gl_context)]
     for view in (EYE_VIEW, FLAT_VIEW):
         (raw, result), (other_raw, other_result) = (found(one, scene, view, method) for one in both)
         assert raw.std() > 10
@@ -40,7 +41,7 @@ def test_both_backends_are_within_a_step(vulkan_device, gl_context, method):
 @pytest.mark.long
 @pytest.mark.needs("mitsuba")
 @pytest.mark.feature("ssao/depth-only")
-def test_rays_around_the_normal_are_nearer_to_cast_rays_than_depth_alone(vulkan_device):
+def test_rays_around_the_normal_are_nearer_to_cast_rays_than_depth_alone(chapter):
     """A floor, a wall and a square before them: half of the floor's light is hidden at the wall's foot."""
     scene = room(translated(0.5, 0.8, 1.2))
     truth = RayCaster(scene).visibility(EYE_VIEW, SIZE, 0.15 * scene.length_scale, 64, every=2)
@@ -48,7 +49,7 @@ def test_rays_around_the_normal_are_nearer_to_cast_rays_than_depth_alone(vulkan_
     assert compared.sum() > 300 and np.nanmin(truth) < 0.6 and (truth[compared] == 1).mean() > 0.1
     errors = {}
     for method in METHODS:
-        _, result = found(Chapter(7, "vulkan", vulkan_device), scene, EYE_VIEW, method)
+        _, result = found(chapter, scene, EYE_VIEW, method)
         visible = np.minimum(result * STEP + (0.2 if method == "depth" else 0.0), 1.0)
         errors[method] = float(np.sqrt(np.mean((visible - truth)[compared] ** 2)))
     none = float(np.sqrt(np.mean((1 - truth[compared]) ** 2)))

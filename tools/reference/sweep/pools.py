@@ -30,7 +30,7 @@ ANSWER_S = 10.0
 """How long a scheduler may take to answer, and to have a worker."""
 
 DEATHS = 3
-"""A part that was with so many workers when they ended is given up. On a cluster its own setting holds."""
+"""A part that was with so many workers when they ended is traced alone. On a cluster its own setting holds."""
 
 WAIT_S = 0.25
 """How long `outcomes` waits: so often progress is shown, too."""
