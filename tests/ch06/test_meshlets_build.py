@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from assets import locate
-from chapters.ch06.meshlets import build, order
+from chapters.ch06.meshlets import build, model, order
 from chapters.ch06.meshlets.build import build_meshlets
 from chapters.ch06.meshlets.groups import batches, previous_use, sorting_order, spans
 from chapters.ch06.meshlets.model import takes_meshlets
@@ -187,7 +187,8 @@ def test_what_cannot_be_built_is_one_sentence(monkeypatch):
 
 @generation
 @pytest.mark.long
-def test_a_mesh_of_16_million_triangles():
+def test_a_mesh_of_16_million_triangles(monkeypatch):
+    monkeypatch.setattr(model, "PAGE_BYTES", 1 << 30)  # the builder alone: a page of geometry has 128 MiB
     positions, indices = grid(2048, 4096)
     scene = scene_of((positions, indices))
     assert len(indices) == 3 * 2**24
