@@ -59,7 +59,6 @@ def test_every_way_gives_the_same_picture(chapter):
         assert close.mean() >= 0.995 and close[off_edges(base, 0.05 * base.max())].all(), way
 
 
-@pytest.mark.long  # kernels of both; each backend alone is held to numpy's truths below
 @pytest.mark.variants("vulkan")
 @pytest.mark.feature("ray-tracing/software-bvh")
 def test_opengl_gives_the_picture_of_vulkan(chapter, gl_context):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -47,6 +48,16 @@ def test_the_walk_finds_the_nearest_segment_and_skips_others():
     tree = walk.hierarchy()
     for node, side in found.dropped:
         assert walk.interval(tree.low[node, side], tree.high[node, side], np.inf)[0] >= found.t
+
+
+def test_what_a_walk_puts_off_is_entered_later_or_dropped():
+    found = walk.walk(walk.hierarchy())
+    put_off = {box for visit in found.visits for box in visit.waiting}
+    assert put_off == {box for box in found.entered if box in put_off} | set(found.dropped)
+    assert set(found.visits[-1].waiting) <= set(found.dropped), "at the end nothing waits"
+    for one, after in pairwise(found.visits):
+        assert after.before == one.waiting[: len(after.before)], "what came last is taken first"
+        assert len(one.waiting) - len(one.before) == (len(one.sides) == 2) and after.t <= one.t
 
 
 def test_a_crossing_is_on_the_ray_and_on_the_segment():
