@@ -319,7 +319,7 @@ def test_a_picture_that_cannot_be_written_costs_that_reference_alone(strata, kep
 
 @pytest.mark.usefixtures("kept")
 @pytest.mark.needs("distributed")
-@pytest.mark.parametrize(("workers", "deaths"), [(1, 1), pytest.param(2, 2, marks=pytest.mark.long)])
+@pytest.mark.parametrize(("workers", "deaths"), [(1, 1), (2, 2)])
 def test_a_part_that_ends_every_worker_is_given_up_and_the_rest_is_written(
     strata, kept, tmp_path, monkeypatch, workers, deaths
 ):
