@@ -89,7 +89,7 @@ def test_several_pages_of_geometry_are_refused(chapter, monkeypatch):
         UserError,
         match=r"takes 1 MiB in 2 pages of 128 MiB at most, and rays, .*: set rays=off, or draw fewer",
     ):
-        opened(chapter, scene)
+        picture(chapter, scene, VIEW)
     with opened(chapter, scene, rays="off") as renderer:
         assert len(renderer._data.pages) == 2
 
@@ -131,7 +131,7 @@ def test_more_instances_than_rays_tell_apart_are_refused(chapter, monkeypatch):
         with pytest.raises(
             SceneError, match="scene has 7 instances, and rays of this device tell 6 apart: merge"
         ):
-            opened(chapter, court(), ray_way=way)
+            picture(chapter, court(), VIEW, ray_way=way)
     assert memory.check_count is model.check_count
 
 

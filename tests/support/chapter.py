@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, is_dataclass
+from dataclasses import dataclass, is_dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import chapters
 from backends.contract import Renderer
+from backends.vulkan.device import Device
 from chapters.folders import renderer_name
 from common.scene import Scene
 from common.settings import flat, knobs, replaced
@@ -81,6 +82,19 @@ class Chapter:
                 opened.close()
                 raise
         return opened
+
+    @contextmanager
+    def on_new_device(self) -> Iterator[Chapter]:
+        """Yield the chapter on a device of its own, which must be left empty; on OpenGL the same.
+
+        A software driver numbers the groups of ray pipelines of a device, and its kernels hold these numbers. On a new
+        device they begin anew, so the driver's cache knows the kernel of a pipeline that was there before.
+        """
+        if self.backend == "gl":
+            yield self
+            return
+        with Device(self.device.instance, self.device.physical, self.device.without) as device:
+            yield replace(self, device=device)
 
     @contextmanager
     def calls(self) -> Iterator[list[str]]:

@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import chapters
+from backends.contract import Renderer
 from common.scene import Scene
 from common.view.camera import View
+from tests.support.chapter import Chapter
 from tests.support.shadows import PLAIN
 from tests.support.traced_pictures import ways_of
 
@@ -28,12 +30,12 @@ def way_of(chapter: Any) -> str:
     return ways_of(chapter)[0]
 
 
-def opened(chapter: Any, scene: Scene, size: tuple[int, int] = SIZE, **turned: Any) -> Any:
-    """Return a renderer of a scene with PATHS and other settings, and the output "color_linear"."""
-    settings = {**PATHS, "ray_way": way_of(chapter), **turned}
-    return chapter.open(
-        scene, size, chapters.settings_class(chapter.which)(**settings), outputs={"color_linear"}
-    )
+@contextmanager
+def opened(chapter: Chapter, scene: Scene, size: tuple[int, int] = SIZE, **turned: Any) -> Iterator[Renderer]:
+    """Yield a renderer of a scene with PATHS and other settings, and the output "color_linear"."""
+    settings = chapters.settings_class(chapter.which)(**{**PATHS, "ray_way": way_of(chapter), **turned})
+    with chapter.on_new_device() as it, it.open(scene, size, settings, outputs={"color_linear"}) as renderer:
+        yield renderer
 
 
 def light(renderer: Any, view: View, frames: int = 1) -> Float64:

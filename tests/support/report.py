@@ -43,10 +43,10 @@ CORE_BUDGET_S = 6.0
 """Of that, for the core tests of lessons before it that a chapter runs by turns, in one variant: measured, those of a
 lesson take 0.8 s in a later chapter, over three variants, so those of 13 lessons take 3.5 s in each."""
 
-COLD_FACTOR = 4.0
+COLD_FACTOR = 3.5
 """How much more a run may take that finds no compiled shader: the driver then compiles at each pipeline's first draw,
 which is no test's own time, and it happens once per machine (chapter 1 on Vulkan in software: 24 s warm, 43 s cold;
-chapter 12, whose kernels traverse and look up textures: 51 s warm, 191 s cold, 3.7 times as long)."""
+chapter 12, whose kernels traverse and look up textures: 77 s warm, 190 s cold)."""
 
 SHARED_FACTOR = 2.0
 """How much more a run may take that two processes share. On two cores each has at least one, which is half of what it

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -9,8 +11,10 @@ import pytest
 from numpy.typing import NDArray
 
 import chapters
+from backends.contract import Renderer
 from common.scene import Scene
 from common.view.camera import View
+from tests.support.chapter import Chapter
 from tests.support.ray_traces import WAYS
 from tests.support.shadows import PLAIN
 
@@ -43,10 +47,12 @@ def few_ways(chapter: Any) -> list[str]:
     return list(dict.fromkeys((ways[0], ways[-1])))
 
 
-def opened(chapter: Any, scene: Scene, size: tuple[int, int] = SIZE, **turned: Any) -> Any:
-    """Return a renderer of a scene with TRACED and other settings, and the output "color_linear"."""
+@contextmanager
+def opened(chapter: Chapter, scene: Scene, size: tuple[int, int] = SIZE, **turned: Any) -> Iterator[Renderer]:
+    """Yield a renderer of a scene with TRACED and other settings, and the output "color_linear"."""
     settings = chapters.settings_class(chapter.which)(**{**TRACED, **turned})
-    return chapter.open(scene, size, settings, outputs={"color_linear"})
+    with chapter.on_new_device() as it, it.open(scene, size, settings, outputs={"color_linear"}) as renderer:
+        yield renderer
 
 
 def light(renderer: Any, view: View, time: float = 0.0) -> NDArray[np.float64]:
