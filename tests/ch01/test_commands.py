@@ -16,7 +16,7 @@ from chapters.ch01.frames.vulkan_commands import Rendering
 from chapters.ch01.renderer import Renderer
 from chapters.ch01.settings import Settings
 from common.scene import Image, Light, Material
-from tests.support.chapter import on_path, record_anew
+from tests.support.chapter import as_modelled, on_path, record_anew
 from tests.support.recorded import draws
 from tests.support.scenes import facing, nodes_at, quad_scene, texture, translated
 
@@ -28,7 +28,8 @@ IMAGES = tuple(Image(f"image {i}", np.full((2, 2, 4), 80 * i + 40, np.uint8)) fo
 def recorded(device, scene, outputs=("color_linear",), settings=None, read=lambda made, log: log):
     """Return the calls of a frame whose slot is warm, or what `read` makes of them, and its work."""
     log: list = []
-    with Renderer(scene, SIZE, on_path(settings or Settings()), outputs=set(outputs), device=device) as made:
+    settings = as_modelled(on_path(settings or Settings()), 1)
+    with Renderer(scene, SIZE, settings, outputs=set(outputs), device=device) as made:
         made.render(facing())
         made.render(facing())
         record_anew(made)
@@ -147,7 +148,8 @@ def test_culling_and_front_face_follow_material_and_mirror(vulkan_device):
 def test_every_pass_stands_in_a_label_of_its_name(vulkan_device):
     if not vulkan_device.instance.has_debug_utils:
         pytest.skip("the instance has no debug labels")
-    log, _ = recorded(vulkan_device, quad_scene(Material(), lights=(SUN,)), OUTPUTS)
+    outputs = ("color", "depth", "instance_id")
+    log, _ = recorded(vulkan_device, quad_scene(Material(), lights=(SUN,)), outputs)
     stack: list = []
     labels, inside = [], {}
     for name, arguments in log:

@@ -16,7 +16,7 @@ from common.numerics.transforms import pose_looking_at
 from common.scene import Light, Material
 from common.settings import replaced
 from common.view.camera import View, exposure
-from tests.support.chapter import on_opengl
+from tests.support.chapter import as_modelled, on_opengl, on_path
 from tests.support.scenes import facing, quad_scene, translated
 from tests.twins import shading_environment as ibl
 
@@ -53,6 +53,7 @@ def around(scene, environment):
 
 def draw(device, scene, view, settings=EXACT, size=SIZE, output="color_linear"):
     """Return one output of one frame, and its work."""
+    settings = as_modelled(on_path(settings), 1)
     with Renderer(scene, size, settings, outputs={output}, device=device) as made:
         frame = made.render(view)
         return frame.image(output), frame.work
@@ -165,7 +166,8 @@ def test_opengl_draws_the_same(vulkan_device, gl_context, energy):
     settings = replaced(EXACT, energy=energy, environment_turn=30.0)
     view = looking((2.0, 1.0, 4.0), np.array([-0.4, -0.2, -1.0]))
     truth, work = draw(vulkan_device, scene, view, settings, (64, 48))
-    with OpenGL(scene, (64, 48), settings, outputs={"color_linear"}, device=gl_context) as made:
+    plain = as_modelled(on_path(settings), 1)
+    with OpenGL(scene, (64, 48), plain, outputs={"color_linear"}, device=gl_context) as made:
         frame = made.render(view)
         got = frame.image("color_linear")
         for name in ("draws", "triangles", "lights", "passes", "passes_skipped"):

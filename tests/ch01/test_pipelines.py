@@ -22,13 +22,14 @@ from chapters.ch01.scene.packing import ROLES, material_variant
 from chapters.ch01.settings import Settings
 from common.scene import Image, Light, Material
 from tests.support import gl_functions
-from tests.support.chapter import on_path
+from tests.support.chapter import as_modelled, on_path
 from tests.support.scenes import facing, quad_scene, texture, translated
 
 FULLSCREEN = PipelineDescription(
     ("post/fullscreen.vert", "post/tonemap.frag"), color="rgba8", depth=None, name="plain"
 )
 SUN = Light("directional", node=0, intensity=math.pi)
+PLAIN = as_modelled(on_path(Settings()), 1)
 
 
 @pytest.fixture
@@ -302,7 +303,7 @@ def test_numbers_make_no_variants(vulkan_device):
         lights=(SUN,),
     )
     outputs = {"color_linear", "instance_id"}
-    with Renderer(scene, (8, 8), on_path(Settings()), outputs=outputs, device=vulkan_device) as made:
+    with Renderer(scene, (8, 8), PLAIN, outputs=outputs, device=vulkan_device) as made:
         work = made.render(facing()).work
     assert work["pipelines"] == 3 + 2, "the forward pass's, and the ids of what is not transparent"
 
@@ -327,7 +328,7 @@ def test_ids_need_shapes_alone(vulkan_device):
     )
     log: list = []
     outputs = {"instance_id"}
-    with Renderer(scene, (8, 8), on_path(Settings()), outputs=outputs, device=vulkan_device) as made:
+    with Renderer(scene, (8, 8), PLAIN, outputs=outputs, device=vulkan_device) as made:
         made.render(facing())
         vulkan_device.fn.trace(log)
         frame = made.render(facing())
@@ -349,5 +350,5 @@ def test_materials_that_nothing_has_build_no_pipeline_in_any_pass(vulkan_device)
         materials=(Material(), Material(alpha_mode="mask"), Material(double_sided=True)), lights=(SUN,)
     )
     outputs = {"color_linear", "instance_id"}
-    with Renderer(scene, (8, 8), on_path(Settings()), outputs=outputs, device=vulkan_device) as made:
+    with Renderer(scene, (8, 8), PLAIN, outputs=outputs, device=vulkan_device) as made:
         assert made.render(facing()).work["pipelines"] == 2

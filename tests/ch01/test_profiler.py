@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 
 from backends.vulkan import api as vk
-from chapters.ch01.frames.frame import OUTPUTS
 from chapters.ch01.frames.vulkan_profiler import Profiler
 from chapters.ch01.renderer import Renderer
 from chapters.ch01.settings import Settings
 from common.scene import Light, Material
-from tests.support.chapter import of_backend, on_path, record_anew
+from tests.support.chapter import as_modelled, of_backend, on_path, record_anew
 from tests.support.scenes import facing, quad_scene
 
 SUN = Light("directional", node=0, intensity=math.pi)
@@ -24,7 +23,8 @@ SUN = Light("directional", node=0, intensity=math.pi)
 def test_stamps_rise_through_the_frame_and_every_pass_takes_time(vulkan_device):
     """The raw ticks: begin <= end within a pass, and no pass begins before the one before it ended."""
     scene = quad_scene(Material(metallic=0.0), lights=(SUN,))
-    with Renderer(scene, (256, 256), on_path(Settings()), outputs=OUTPUTS, device=vulkan_device) as made:
+    settings, outputs = as_modelled(on_path(Settings()), 1), {"color", "instance_id"}
+    with Renderer(scene, (256, 256), settings, outputs=outputs, device=vulkan_device) as made:
         made.render(facing())
         record_anew(made)
         log: list = []

@@ -24,4 +24,5 @@ def bindless_device(vulkan_instance: Instance) -> Iterator[Device]:
 @pytest.fixture
 def bindless_chapter(request: pytest.FixtureRequest, bindless_device: Device) -> Chapter:
     """The chapter that the test runs for, on that device."""
-    return Chapter(snapshots.tested(request.node).which, "vulkan", bindless_device)
+    written_for = snapshots.first_chapter(request.path)
+    return Chapter(snapshots.tested(request.node).which, "vulkan", bindless_device, written_for=written_for)

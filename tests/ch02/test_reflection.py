@@ -288,7 +288,8 @@ def test_equal_tables_share_their_layouts_and_any_order_of_stages_is_one(layouts
     uniform, storage, texture = (vulkan_layouts.TYPES[kind] for kind in ("uniform", "storage", "texture"))
     assert tables == [[(0, uniform, 1), (1, storage, 1)], [(3, texture, 1)], []]
     stages = {info.pBindings[i].stageFlags for info in infos for i in range(info.bindingCount)}
-    assert stages == {all_graphics(vulkan_device)}
+    graphics = all_graphics(vulkan_device)
+    assert [flags & graphics for flags in stages] == [graphics], "later lessons add kernels, and rays"
     assert sets[1] is None and sets[0].bindings == merge(made).sets[0]
     assert [one.counts for one in (sets[0], sets[2])] == [(1, 1), (1,)]
     log: list = []
@@ -304,6 +305,7 @@ def test_equal_tables_share_their_layouts_and_any_order_of_stages_is_one(layouts
     assert made_now == ["vkCreatePipelineLayout"], "its push constants are shorter"
 
 
+@pytest.mark.until(6, "from chapter 7 on kernels and draws share layouts")
 def test_compute_has_layouts_of_its_own(layouts, vulkan_device):
     made = [stage("layout(local_size_x = 1) in;" + COMMON + "void main() {}", "comp"), stage(VERTEX, "vert")]
     infos, sets = traced(
@@ -322,7 +324,8 @@ def test_push_constants_reach_the_layout(layouts, vulkan_device):
     (info,), _ = traced(vulkan_device, "vkCreatePipelineLayout", lambda: layouts.pipeline(merge(made)))
     assert (info.setLayoutCount, info.pushConstantRangeCount) == (3, 1)
     (range_,) = (info.pPushConstantRanges[i] for i in range(1))
-    assert (range_.offset, range_.size, range_.stageFlags) == (0, 20, all_graphics(vulkan_device))
+    graphics = all_graphics(vulkan_device)
+    assert (range_.offset, range_.size, range_.stageFlags & graphics) == (0, 20, graphics)
 
 
 @layout

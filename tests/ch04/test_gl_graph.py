@@ -17,7 +17,7 @@ from common.errors import DeviceError, UnsupportedError
 from common.scene import Image, Light, Material
 from common.settings import replaced
 from common.view.camera import View
-from tests.support.chapter import Chapter, building
+from tests.support.chapter import Chapter, as_modelled, building
 from tests.support.scenes import facing, quad_scene, texture, translated
 from tests.support.timing import least_times, timed
 
@@ -25,7 +25,7 @@ pytestmark = pytest.mark.variants("gl")
 
 SIZE = (48, 32)
 OUTPUTS = ("color", "color_linear", "depth", "instance_id")
-SETTINGS = Settings(graph="forward", anisotropy=1.0)
+SETTINGS = as_modelled(Settings(graph="forward", anisotropy=1.0), 4)
 DEFERRED = replaced(SETTINGS, graph="deferred", aperture=0.5, focus_distance=1.0)
 TEXELS = Image("texels", np.random.default_rng(3).integers(0, 256, (8, 8, 4), dtype=np.uint8))
 
