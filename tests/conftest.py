@@ -23,7 +23,8 @@ from backends.vulkan.device import Device
 from backends.vulkan.instance import VALIDATION_LAYER, Instance
 from common.errors import UnsupportedError
 from common.paths import asset_dir, user_cache
-from tests.support import first, goldens, packages, sharing, snapshots
+from common.reports import waiting
+from tests.support import first, goldens, packages, sharing, snapshots, timing
 from tests.support.chapter import Chapter
 from tests.support.gl_functions import assert_silent
 from tests.support.opened import Opened
@@ -362,6 +363,8 @@ def strata(vulkan_instance, capsys, tmp_path, tmp_path_factory, monkeypatch):
 
     for made in (console.out, console.err):  # a narrow terminal of one test is none of the next
         monkeypatch.setattr(made, "_width", made._width)
+    # A machine that is busy makes any command slow now and then, which is none of what tests compare.
+    monkeypatch.setattr(waiting, "told", functools.partial(waiting.told, after_s=timing.PATIENCE_S))
 
     def command(*words: str) -> tuple[int, str, str]:
         code = run([str(word) for word in words])
