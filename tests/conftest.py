@@ -363,7 +363,7 @@ def strata(vulkan_instance, capsys, tmp_path, tmp_path_factory, monkeypatch):
 
     for made in (console.out, console.err):  # a narrow terminal of one test is none of the next
         monkeypatch.setattr(made, "_width", made._width)
-    # A machine that is busy makes any command slow now and then, which is none of what tests compare.
+    # Tests compare what is printed, and on a busy machine any step may be slow enough for a line of its own.
     monkeypatch.setattr(waiting, "told", functools.partial(waiting.told, after_s=timing.PATIENCE_S))
 
     def command(*words: str) -> tuple[int, str, str]:

@@ -23,8 +23,10 @@ from chapters.ch02.pipelines.vulkan_cache import PipelineCache
 from chapters.ch02.pipelines.vulkan_layouts import CAPACITY, Layouts
 from chapters.ch02.pipelines.vulkan_reflection import STAGES, Binding, Push, Signature, Stage, merge
 from common.errors import ShaderError, UnsupportedError
+from tests.support import snapshots
 
 layout = pytest.mark.feature("reflection/pipeline-layout")
+RAYS = ("rgen", "rint", "rahit", "rchit", "rmiss", "rcall")
 VERT, FRAG, COMP, TASK, MESH = (STAGES[name] for name in ("vert", "frag", "comp", "task", "mesh"))
 OPEN = vk.VK_DESCRIPTOR_BINDING_PARTIALLY_BOUND_BIT | vk.VK_DESCRIPTOR_BINDING_UPDATE_AFTER_BIND_BIT
 NONUNIFORM = ("GL_EXT_nonuniform_qualifier",)
@@ -270,6 +272,13 @@ def all_graphics(device):
     return vk.VK_SHADER_STAGE_ALL_GRAPHICS | (TASK | MESH if device.has("mesh-shader") else 0)
 
 
+def visible(device, node):
+    """Return the stages that share the sets of draws: kernels do from chapter 7 on, and rays from chapter 12 on."""
+    number = snapshots.tested(node).number
+    rays = sum(STAGES[name] for name in RAYS) if number >= 12 and device.has("ray-tracing") else 0
+    return all_graphics(device) | (COMP if number >= 7 else 0) | rays
+
+
 def fixed(text):
     """Return the fragment shader without its open arrays, for a device without descriptor indexing."""
     kept = [line for line in text.splitlines() if "_textures" not in line]
@@ -279,7 +288,7 @@ def fixed(text):
 
 
 @layout
-def test_equal_tables_share_their_layouts_and_any_order_of_stages_is_one(layouts, vulkan_device):
+def test_equal_tables_share_their_layouts_and_any_order_of_stages_is_one(layouts, vulkan_device, request):
     made = [stage(VERTEX, "vert"), stage(fixed(FRAGMENT), "frag")]
     infos, (handle, sets) = traced(
         vulkan_device, "vkCreateDescriptorSetLayout", lambda: layouts.pipeline(merge(made))
@@ -288,8 +297,7 @@ def test_equal_tables_share_their_layouts_and_any_order_of_stages_is_one(layouts
     uniform, storage, texture = (vulkan_layouts.TYPES[kind] for kind in ("uniform", "storage", "texture"))
     assert tables == [[(0, uniform, 1), (1, storage, 1)], [(3, texture, 1)], []]
     stages = {info.pBindings[i].stageFlags for info in infos for i in range(info.bindingCount)}
-    graphics = all_graphics(vulkan_device)
-    assert [flags & graphics for flags in stages] == [graphics], "later lessons add kernels, and rays"
+    assert stages == {visible(vulkan_device, request.node)}
     assert sets[1] is None and sets[0].bindings == merge(made).sets[0]
     assert [one.counts for one in (sets[0], sets[2])] == [(1, 1), (1,)]
     log: list = []
@@ -319,13 +327,12 @@ def test_compute_has_layouts_of_its_own(layouts, vulkan_device):
 
 
 @layout
-def test_push_constants_reach_the_layout(layouts, vulkan_device):
+def test_push_constants_reach_the_layout(layouts, vulkan_device, request):
     made = [stage(VERTEX, "vert"), stage(fixed(FRAGMENT), "frag")]
     (info,), _ = traced(vulkan_device, "vkCreatePipelineLayout", lambda: layouts.pipeline(merge(made)))
     assert (info.setLayoutCount, info.pushConstantRangeCount) == (3, 1)
     (range_,) = (info.pPushConstantRanges[i] for i in range(1))
-    graphics = all_graphics(vulkan_device)
-    assert (range_.offset, range_.size, range_.stageFlags & graphics) == (0, 20, graphics)
+    assert (range_.offset, range_.size, range_.stageFlags) == (0, 20, visible(vulkan_device, request.node))
 
 
 @layout

@@ -2,8 +2,8 @@
 
 The driver's part of that time is left out. `python_times` does not count what passes inside of the calls that submit a
 frame and wait for one: a software driver copies what was recorded there, and the validation layer looks at all of it.
-What is submitted is empty but for its semaphores, since a software driver draws on the same cores: Python's memory is
-in their caches no more when it is done. (With draws the difference of two chapters was 14 to 90 us from run to run, and
+What is submitted is empty but for its semaphores: a software driver draws on the same cores, and its work drives
+Python's memory out of their caches. (With draws the difference of chapters 8 and 9 was 14 to 90 us from run to run, and
 10 to 12 us without them.)
 """
 

@@ -46,7 +46,7 @@ lesson take 0.8 s in a later chapter, over three variants, so those of 13 lesson
 COLD_FACTOR = 3.5
 """How much more a run may take that finds no compiled shader: the driver then compiles at each pipeline's first draw,
 which is no test's own time, and it happens once per machine (chapter 1 on Vulkan in software: 24 s warm, 43 s cold;
-chapter 12, whose kernels traverse and look up textures: 77 s warm, 190 s cold)."""
+chapter 12, whose kernels traverse and look up textures: 77 s warm, 190 s cold on a slower machine)."""
 
 SHARED_FACTOR = 2.0
 """How much more a run may take that two processes share. On two cores each has at least one, which is half of what it
