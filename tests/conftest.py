@@ -5,7 +5,9 @@ The tests of chapters run once per variant: on the device as it is, and with eve
 
 from __future__ import annotations
 
+import contextlib
 import functools
+import gc
 import os
 import signal
 from collections.abc import Iterator
@@ -114,22 +116,51 @@ def pytest_configure(config: pytest.Config) -> None:
         config.pluginmanager.register(packages.Uses(config.getoption("--uses")), "strata-uses")
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Iterator[None]:
+    """Collect without looking for cycles, which are few, and never look through what was collected again.
+
+    What pytest keeps of 20,000 tests is a large heap: Python went through it many times while it grew, and in each test
+    that makes it collect its garbage.
+    """
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.enable()
+        gc.freeze()
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """Skip what needs a package that is not here, before any of its fixtures is made."""
     packages.skip_without(item)
 
 
-def compile_quickly(long: bool) -> None:
-    """Have Mesa's software drivers leave out their compiler's optimisation, unless this is the long run.
+LANES = "LP_NATIVE_VECTOR_WIDTH"
+"""The bits of a vector of Mesa's software drivers: as many as the processor has, unless this variable says less."""
 
-    Pictures are the same to the bit either way, since it keeps the order of every rounding: the long run, which leaves
-    the optimiser on, holds the same tests. At 64 pixels a shader takes far longer to compile than to run, and with
-    nothing compiled half of a run's time was the optimiser's (chapter 2 on OpenGL: 92 s with it, 43 s without). Other
-    drivers do not know this variable; the programs that tests start inherit it, and `strata run` and `bench` have none.
+
+def compile_quickly(long: bool) -> None:
+    """Have Mesa's software drivers compile without optimisation and for four lanes, unless this is the long run.
+
+    Pictures are the same to the bit, since the order of every rounding stays: the long run, which leaves the drivers as
+    a user has them, holds the same tests. At 64 pixels a shader takes far longer to compile than to run, and with
+    nothing compiled most of a run's time is the compiler's. The optimiser was half of it (chapter 2 on OpenGL: 92 s
+    with it, 43 s without). The drivers then write some instructions once for each lane, loads of buffers among them:
+    with four lanes instead of eight a third of chapter 12's tests took 44 s instead of 80 s.
+
+    Their cache does not tell kernels for four lanes from those for eight, and one of the other kind crashes: tests keep
+    theirs in a folder of its own. Other drivers do not know these variables; the programs that tests start inherit
+    them, and `strata run` and `bench` have none.
     """
-    if not long:
-        os.environ.setdefault("GALLIVM_PERF", "nopt")
+    if long or LANES in os.environ:  # the second process has what the first has set
+        return
+    kept = Path(os.environ.get("MESA_SHADER_CACHE_DIR") or user_cache() / "mesa") / "four-lanes"
+    with contextlib.suppress(OSError):  # without the folder the driver keeps nothing
+        kept.mkdir(parents=True, exist_ok=True)
+    os.environ.update({"MESA_SHADER_CACHE_DIR": str(kept), LANES: "128"})
+    os.environ.setdefault("GALLIVM_PERF", "nopt")
 
 
 def hear_signals() -> None:

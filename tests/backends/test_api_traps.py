@@ -14,6 +14,7 @@ import subprocess
 import sys
 import weakref
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -575,9 +576,12 @@ def test_the_binding_opens_neither_package_nor_loader_by_itself() -> None:
 # --- what the sources use -----------------------------------------------------------------------------------
 
 
-def sources() -> list[tuple[Path, ast.Module]]:
-    paths = [*ROOT.glob("backends/**/*.py"), *ROOT.glob("chapters/**/*.py")]
-    return [(path, ast.parse(path.read_text(encoding="utf-8"))) for path in sorted(paths)]
+@cache
+def sources() -> tuple[tuple[Path, ast.Module], ...]:
+    """Return the files that name something of Vulkan; of files with one text, which chapters share, the first."""
+    paths = sorted([*ROOT.glob("backends/**/*.py"), *ROOT.glob("chapters/**/*.py")], reverse=True)
+    texts = {text: path for path in paths if re.search(r"vk[A-Z]|Vk|VK_", text := path.read_text("utf-8"))}
+    return tuple((path, ast.parse(text)) for text, path in texts.items())
 
 
 # Names of extensions and layers have small letters, those of constants have none; the rest are the loader's variables.

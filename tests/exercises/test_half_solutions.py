@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 
+import chapters
 from chapters.folders import Folder
 from common.errors import UnsupportedError
 from tools.exercises import checking, find
@@ -865,13 +866,23 @@ RIGHT = {
 """Solutions that differ from the one of the exercise, and are right."""
 
 
-@pytest.mark.parametrize("case", RIGHT)
+def _sample(cases, key):
+    """Every case, of which the usual run has the first of each `key(chapter, name)`, and the newest chapter's."""
+    seen, found = set(), []
+    for name, (exercise, *_) in cases.items():
+        rare = key(*exercise) in seen and exercise[0] != chapters.available()[-1]
+        seen.add(key(*exercise))
+        found.append(pytest.param(name, marks=[pytest.mark.long] * rare))
+    return found
+
+
+@pytest.mark.parametrize("case", _sample(RIGHT, lambda chapter, name: chapter))
 def test_another_right_solution_is_accepted(case, tmp_path, request):
     which, change = RIGHT[case]
     assert _judged(which, change, tmp_path, request) is None
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", _sample(CASES, lambda chapter, name: (chapter, name)))
 def test_a_half_solution_is_not_enough(case, tmp_path, request):
     which, change, said = CASES[case]
     wrong = _judged(which, change, tmp_path, request)

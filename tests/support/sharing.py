@@ -22,6 +22,7 @@ import subprocess
 import sys
 import threading
 import warnings
+from collections import Counter
 from collections.abc import Generator, Iterator
 from typing import Any, BinaryIO
 
@@ -30,7 +31,7 @@ import pytest
 from tests.support import records
 
 FEWEST = 300
-"""Tests of the smaller part. The second process collects for half a minute: fewer tests take no longer than that."""
+"""Tests of the smaller part. A process takes half a minute and more until it has collected its tests."""
 
 PATIENCE_S = 20.0
 """How long the second process may take to end when it is told to."""
@@ -70,18 +71,30 @@ class Sharing:
         self._messages: queue.Queue[Any] = queue.Queue()
         self._missing: set[str] = set()
         self._running = ""
+        self._collected: Counter[bool] = Counter()
+
+    def may_share(self) -> bool:
+        """Whether nothing but the number of tests speaks against two processes."""
+        option = self.config.option
+        asks = any(getattr(option, name, False) for name in ASK_THE_USER) or option.capture == "no"
+        watched = self.config.pluginmanager.has_plugin("mutants-watch")  # it watches this process
+        return not asks and not watched and option.processes > 1 and cores() > 1
 
     def parts(self, items: list[pytest.Item]) -> tuple[list[pytest.Item], list[pytest.Item]]:
         """Return the tests of the first process, those marked `alone` last, and those of the second."""
-        option = self.config.option
-        asks = any(getattr(option, name, False) for name in ASK_THE_USER) or option.capture == "no"
         theirs = [item for item in items if is_for_second(item)]
         few = min(len(theirs), len(items) - len(theirs)) < self.fewest
-        watched = self.config.pluginmanager.has_plugin("mutants-watch")  # it watches this process
-        if asks or watched or few or option.processes < 2 or cores() < 2:
+        if few or not self.may_share():
             return items, []
         mine = [item for item in items if not is_for_second(item)]
         return sorted(mine, key=lambda item: item.get_closest_marker("alone") is not None), theirs
+
+    def pytest_itemcollected(self, item: pytest.Item) -> None:
+        """Start the second process as soon as both parts are large enough: it collects beside this one."""
+        if self._process is None and self.may_share():
+            self._collected[is_for_second(item)] += 1
+            if min(self._collected[True], self._collected[False]) >= self.fewest:
+                self._start()
 
     @pytest.hookimpl(trylast=True)
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
@@ -98,8 +111,12 @@ class Sharing:
         every = session.items
         session.items, theirs = self.parts(every)
         if not theirs or session.testsfailed:
+            self._end()
             return (yield)
-        self._begin(theirs)
+        if self._process is None:
+            self._start()
+        self._missing = {item.nodeid for item in theirs}
+        self._report.shared = True
         try:
             done = yield
             self._wait(session)
@@ -124,12 +141,14 @@ class Sharing:
                 self._take(message)
         return done
 
-    def _begin(self, items: list[pytest.Item]) -> None:
+    def pytest_sessionfinish(self) -> None:
+        """End a second process that was started for tests that could not be collected."""
+        self._end()
+
+    def _start(self) -> None:
         given = [*map(str, self.config.invocation_params.args)]
         if base := self.config.option.basetemp:
             given.append(f"--basetemp={base}-second")
-        self._missing = {item.nodeid for item in items}
-        self._report.shared = True
         command = [sys.executable, "-P", "-m", "tests.support.sharing", *given]
         self._process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=self.config.invocation_params.dir

@@ -29,7 +29,7 @@ import ast
 import re
 import sys
 import zlib
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -209,6 +209,8 @@ class LaterChapters(pytest.File):
             if last is not None and subject.number > last:
                 plugin.left_out["files"] += 1
                 continue
+            if plugin.leaves_all(self.path, subject):
+                continue
             name = subject.label
             module = LaterModule.from_parent(self, path=self.path, name=name, nodeid=f"{self.nodeid}::{name}")
             module.subject, module.written_for = subject, plugin.written_for(self.path)
@@ -272,6 +274,7 @@ class Snapshots:
         self._all = {subject.number: subject for subject in all_}
         self.chosen = sorted({*chosen} or self._all.values(), key=lambda one: (one.number, one.label))
         self._long, self._full = long, full
+        self._own: defaultdict[Path, list[pytest.Item]] = defaultdict(list)
         self.left_out: Counter[str] = Counter()
 
     def is_newest(self, subject: Subject) -> bool:
@@ -319,6 +322,22 @@ class Snapshots:
             found.append(LaterChapters.from_parent(parent, path=file_path))
         return found
 
+    def pytest_itemcollected(self, item: pytest.Item) -> None:
+        """Note the tests of a file's own chapter: they come before those for later chapters."""
+        if item.getparent(LaterModule) is None:
+            self._own[item.path].append(item)
+
+    def leaves_all(self, path: Path, subject: Subject) -> bool:
+        """Whether no test of a file would be kept for a further chapter; its own tests, which are known, tell.
+
+        The module of such a file need not be made: with twelve chapters that is half of the time of collecting.
+        """
+        reasons = [self._why_not(item, subject) for item in self._own[path]]
+        if not reasons or not all(reasons):
+            return False
+        self.left_out.update(reasons)
+        return True
+
     @pytest.hookimpl(trylast=True)
     def pytest_collection_modifyitems(self, config: pytest.Config, items: list[pytest.Item]) -> None:
         """Leave out what need not run, and bring the tests of one chapter together.
@@ -328,26 +347,24 @@ class Snapshots:
         """
         kept, left = [], []
         for item in items:
-            why = self._why_not(item)
+            module = item.getparent(LaterModule)
+            why = self._why_not(item, module.subject) if module is not None else ""
             self.left_out[why] += bool(why)
             (left if why else kept).append(item)
         if left:
             config.hook.pytest_deselected(items=left)
         items[:] = sorted(kept, key=_chapter)
 
-    def _why_not(self, item: pytest.Item) -> str:
-        """Return which of the REASONS there is to leave a test out; "" if there is none."""
+    def _why_not(self, item: pytest.Item, subject: Subject) -> str:
+        """Return which of the REASONS there is to leave a test out for a further chapter; "" if there is none."""
         last = ends_with(item.iter_markers("until"))
-        module = item.getparent(LaterModule)
-        if module is None:
-            return ""
-        if last is not None and module.subject.number > last:
+        if last is not None and subject.number > last:
             return "replaced"
-        if item.get_closest_marker("core") or module.subject.number == module.written_for.number:
+        if item.get_closest_marker("core") or subject.number == self.written_for(item.path).number:
             return ""
         if item.get_closest_marker("newest"):
-            return "" if self.is_newest(module.subject) else "newest"
-        if self._same_before(item.path, module.subject):
+            return "" if self.is_newest(subject) else "newest"
+        if self._same_before(item.path, subject):
             return "same"
         return "long" if draws(item) and not self._long else ""
 
