@@ -88,6 +88,17 @@ def test_fails(number):
     warnings.warn("what it warns of")
     assert number == 1, "two is wrong"
 """
+MEETING = """
+import time
+from noting import note
+note("collected")
+for _ in range(1000):
+    if len({line.split()[1] for line in open("processes") if line.startswith("collected")}) == 2: break
+    time.sleep(0.02)
+else: raise TimeoutError("the other process is not there")
+
+def test_then(): pass
+"""
 COMMAND = ("-m", "pytest", "-v", "-ra", "-p", "no:cacheprovider", "--import-mode=importlib")
 
 
@@ -145,6 +156,21 @@ def test_the_first_reports_the_tests_of_both(tree):
     assert counts == {"tests": "8", "failures": "1", "skipped": "1"}
     assert re.search(r"^area +- +6 +1 +1 ", text, re.MULTILINE), "the table counts all of them"
     assert "not run" not in text
+
+
+def test_both_collect_at_once(tree):
+    """Each waits, in the last file that it collects, until the other is there, too."""
+    (tree.path / "tests" / "area" / "test_then.py").write_text(MEETING)
+    code, text = tree.run("-k", "not fails")
+    assert code == 0, text
+
+
+def test_a_second_process_that_is_not_needed_after_all_runs_nothing(tree):
+    """It was started while tests were collected of which most are then left out."""
+    _, text = tree.run("-k", "test_b or test_slow")
+    assert tree.noted.keys() == {"b", "slow"} and len({process for process, _ in tree.noted.values()}) == 1, (
+        text
+    )
 
 
 @pytest.mark.parametrize(

@@ -162,6 +162,13 @@ def test_a_core_runs_for_every_chapter_and_equal_modules_once(tree):
     assert counts == {"ch01": ["5", "0"], "ch02": ["2", "0"], "ch03": ["1", "1"]}
 
 
+def test_a_module_is_made_only_for_a_chapter_that_runs_something_of_it(tree):
+    path = tree.path / "tests" / "ch01" / "test_unit.py"
+    path.write_text(f"{UNIT}\nwith open('made', 'a') as file: file.write(double.__module__ + ' ')\n")
+    outcomes(tree, "tests")
+    assert (tree.path / "made").read_text().split() == ["lessons.ch01.base", "lessons.ch03.base"]
+
+
 def test_one_chapter_alone_and_what_takes_long(tree):
     ran, _ = outcomes(tree, "tests", "--chapter=2")
     assert {*ran} == {"test_drawn.py::ch02::test_core", "test_drawn.py::ch02::test_ends"}
