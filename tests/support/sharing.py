@@ -1,4 +1,6 @@
-"""Two processes share the tests of a long run: the first runs those with a device, the second those without.
+"""Two processes share the tests of a long run: the first runs those of chapters with a device, the second all others.
+
+Each of both parts takes about half of the time of a whole run.
 
 The second process is pytest with the arguments of the first. It sends each report through a pipe, and the first takes
 it as one of its own: progress, counts, `-x`, `--durations`, JUnit's file, the budgets and the records see every test.
@@ -33,6 +35,9 @@ from tests.support import records
 FEWEST = 300
 """Tests of the smaller part. A process takes half a minute and more until it has collected its tests."""
 
+OF_A_CHAPTER = re.compile(r"tests/ch\d\d/")
+"""What the ids of a chapter's tests begin with."""
+
 PATIENCE_S = 20.0
 """How long the second process may take to end when it is told to."""
 
@@ -47,7 +52,8 @@ def is_second(config: pytest.Config) -> bool:
 
 def is_for_second(item: pytest.Item) -> bool:
     """Whether the second process runs a test."""
-    return not item.get_closest_marker("alone") and records.backends_of(item) == ("cpu",)
+    draws = records.backends_of(item) != ("cpu",)
+    return not (item.get_closest_marker("alone") or (draws and OF_A_CHAPTER.match(item.nodeid)))
 
 
 def cores() -> int:

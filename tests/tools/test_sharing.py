@@ -103,11 +103,11 @@ COMMAND = ("-m", "pytest", "-v", "-ra", "-p", "no:cacheprovider", "--import-mode
 
 
 class Tree:
-    """A tree with tests that have a device and tests that have none; each notes the process that ran it."""
+    """Tests of a chapter that have a device, and tests that have none; each notes the process that ran it."""
 
     def __init__(self, pytester) -> None:
         self.path, self._pytester = pytester.path, pytester
-        (self.path / "tests" / "area").mkdir(parents=True)
+        (self.path / "tests" / "ch01").mkdir(parents=True)
         (self.path / "noting.py").write_text(NOTING)
         pytester.makeconftest(CONFTEST)
         self.write()
@@ -117,7 +117,7 @@ class Tree:
         for name, text in {"drawn": DRAWN, "plain": PLAIN}.items():
             for test, body in bodies.items():
                 text = text.replace(f'note("{test}")', f'{body}; note("{test}")')
-            (self.path / "tests" / "area" / f"test_{name}.py").write_text(text)
+            (self.path / "tests" / "ch01" / f"test_{name}.py").write_text(text)
 
     def run(self, *words: str) -> tuple[int, str]:
         """Return the exit code and all that was printed."""
@@ -150,17 +150,17 @@ def test_the_first_reports_the_tests_of_both(tree):
     assert "1 failed, 6 passed, 1 skipped, 2 warnings" in text.splitlines()[-1]
     assert "AssertionError: two is wrong" in text and "UserWarning: what it warns of" in text
     assert re.search(r"SKIPPED \[1\] .*test_plain.py:\d+: no time", text), "the reason comes as it was"
-    assert re.search(r"1\.\d+s call +tests/area/test_plain.py::test_slow", text)
+    assert re.search(r"1\.\d+s call +tests/ch01/test_plain.py::test_slow", text)
     (suite,) = xml.parse(tree.path / "out.xml").getroot()
     counts = {name: suite.get(name) for name in ("tests", "failures", "skipped")}
     assert counts == {"tests": "8", "failures": "1", "skipped": "1"}
-    assert re.search(r"^area +- +6 +1 +1 ", text, re.MULTILINE), "the table counts all of them"
+    assert re.search(r"^ch01 +- +6 +1 +1 ", text, re.MULTILINE), "the table counts all of them"
     assert "not run" not in text
 
 
 def test_both_collect_at_once(tree):
     """Each waits, in the last file that it collects, until the other is there, too."""
-    (tree.path / "tests" / "area" / "test_then.py").write_text(MEETING)
+    (tree.path / "tests" / "ch01" / "test_then.py").write_text(MEETING)
     code, text = tree.run("-k", "not fails")
     assert code == 0, text
 
@@ -175,7 +175,7 @@ def test_a_second_process_that_is_not_needed_after_all_runs_nothing(tree):
 
 @pytest.mark.parametrize(
     "words",
-    [("--processes=1",), ("-s",), ("-k", "test_a or test_b or test_c"), ("tests/area/test_plain.py",)],
+    [("--processes=1",), ("-s",), ("-k", "test_a or test_b or test_c"), ("tests/ch01/test_plain.py",)],
 )
 def test_one_process_runs_what_is_short_or_asked_of_one(tree, words):
     _, text = tree.run(*words)
@@ -202,14 +202,14 @@ def test_a_second_process_that_dies_fails_the_run(tree):
     tree.write(c="os._exit(7)")
     code, text = tree.run()
     assert code == 1 and "alone" in tree.noted
-    where = "tests/area/test_plain.py::test_c"
+    where = "tests/ch01/test_plain.py::test_c"
     assert f"The second process ended in {where}, with exit code 7: 5 of its tests were not run." in text
     assert "5 tests were not run: the run ended before them." in text
 
 
 def test_a_second_process_that_ends_long_before_the_first_is_waited_for_no_more(tree):
     tree.write(b="[one.join() for one in __import__('threading').enumerate() if one.name == 'reports']")
-    last = tree.path / "tests" / "area" / "test_last.py"
+    last = tree.path / "tests" / "ch01" / "test_last.py"
     last.write_text(DRAWN.replace("test_a", "test_y").replace("test_b", "test_z"))
     code, text = tree.run()
     assert code == 1 and "alone" in tree.noted
@@ -236,11 +236,11 @@ def test_the_second_ends_with_the_first_and_closes_what_is_open(tree, how, first
 def test_packages_that_the_second_asks_for_are_written_by_the_first(tree):
     tree.write(c='importlib.util.find_spec("sci" + "py")')
     tree.run("--uses=uses")
-    assert (tree.path / "uses" / "extras.txt").read_text() == "tests/area/test_plain.py\n"
+    assert (tree.path / "uses" / "extras.txt").read_text() == "tests/ch01/test_plain.py\n"
 
 
 def test_an_id_with_an_address_is_refused(tree):
-    (tree.path / "tests" / "area" / "test_ids.py").write_text(
+    (tree.path / "tests" / "ch01" / "test_ids.py").write_text(
         "import pytest\n@pytest.mark.parametrize('one', [object()], ids=str)\ndef test_d(one): pass\n"
     )
     code, text = tree.run()
@@ -286,7 +286,7 @@ def test_to_a_chapter_counts_what_its_tests_work_in_either_process(tree):
     conftest = tree.path / "conftest.py"
     conftest.write_text(conftest.read_text() + COUNTING)
     for name in ("drawn", "plain"):
-        file = tree.path / "tests" / "area" / f"test_{name}.py"
+        file = tree.path / "tests" / "ch01" / f"test_{name}.py"
         file.write_text(f"NAME = {name!r}\n{COUNTED}")
     code, text = tree.run()
     assert code == 0, text
