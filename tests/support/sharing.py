@@ -1,4 +1,4 @@
-"""Two processes share the tests of a long run: the first runs those of chapters with a device, the second all others.
+"""Two processes share the tests of a long run: the first has what chapters and their studies draw, the second the rest.
 
 Each of both parts takes about half of the time of a whole run.
 
@@ -35,8 +35,8 @@ from tests.support import records
 FEWEST = 300
 """Tests of the smaller part. A process takes half a minute and more until it has collected its tests."""
 
-OF_A_CHAPTER = re.compile(r"tests/ch\d\d/")
-"""What the ids of a chapter's tests begin with."""
+OF_A_CHAPTER = re.compile(r"tests/(ch\d\d|studies)/")
+"""What the ids of tests of chapters and their studies begin with."""
 
 PATIENCE_S = 20.0
 """How long the second process may take to end when it is told to."""
